@@ -1,0 +1,32 @@
+//! moltop: *top for molecules*, a terminal monitor for long hard-sphere gas runs.
+//!
+//! # Layers
+//!
+//! Imports point downwards only; `tests/layers.rs` reads the sources and fails when one does not.
+//!
+//! * **Screen** (`tui`) sees [`feed`] and [`snapshot`], never an engine.
+//! * **Edges** ([`scene`], [`worker`], `headless`, `summary`, ...) own files, threads, signals and the wall clock.
+//! * **Physics** (`collision`, [`state`], `engine`, `observe`, ...) is pure: it knows no clock, file, thread or screen.
+//!
+//! # Invariants
+//!
+//! * An engine is a function of its [`state::State`]: calendar and cells are derived and can be rebuilt at any time.
+//! * Simulation time meets the wall clock only in [`worker`].
+//! * One type, [`snapshot::Snapshot`], leaves the engine thread.
+//! * Same scene, seed and engine give the same collisions in the same order, bit for bit.
+//! * Randomness ends when placement ends.
+//! * A ball *is* a trajectory ([`state::Trajectory`]). A prediction is a pure function of two trajectories, or of one and a
+//!   wall, never of the current time; cell crossings change no trajectory.
+//! * Time is an epoch count plus a local time ([`state::Time`]), so precision does not fade in long runs.
+
+pub mod error;
+
+// Physics.
+pub mod domain;
+pub mod state;
+
+// Edges.
+pub mod feed;
+pub mod scene;
+pub mod snapshot;
+pub mod worker;

@@ -1,0 +1,2 @@
+//! The `moltop` program.
+fn main() {}

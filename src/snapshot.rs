@@ -1,0 +1,247 @@
+//! What leaves the engine thread: one plain value that screens, summaries and files are made from.
+//!
+//! All quantities are in the scene's units unless the name says otherwise (`_s` is wall-clock seconds). A quantity that does
+//! not exist yet is `None`, never zero or NaN.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+/// The unit system of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Units {
+    /// Metre, second, kilogram, kelvin; k = 1.380649e-23 J/K.
+    Si,
+    /// The scene's own length, time and mass; k = 1.
+    Reduced,
+}
+
+impl Units {
+    /// Boltzmann's constant in these units. Source: the SI brochure, 9th edition (exact).
+    pub fn boltzmann(self) -> f64 {
+        match self {
+            Self::Si => 1.380_649e-23,
+            Self::Reduced => 1.0,
+        }
+    }
+}
+
+/// What does not change during a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneCard {
+    /// The scene's title.
+    pub title: String,
+    /// Unit system of every quantity in the snapshot.
+    pub units: Units,
+    /// Number of balls.
+    pub ball_count: usize,
+    /// Volume of the balls over the volume of the domain.
+    pub packing_fraction: f64,
+    /// Inner edges of the container \[length\].
+    pub size: [f64; 3],
+    /// Centre of the domain in the scene's coordinates \[length\].
+    pub center: [f64; 3],
+    /// Largest ball radius \[length\].
+    pub radius: f64,
+    /// Simulated time between two rows of the series \[time\].
+    pub sample: f64,
+}
+
+/// What the run is doing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Placing balls and predicting the first events.
+    Starting,
+    /// The engine advances.
+    Running,
+    /// Waiting for a command.
+    Paused,
+    /// `until` was reached.
+    Finished,
+    /// The engine stopped before its time; the text says why.
+    Failed(String),
+}
+
+/// Collisions and engine events since the start of the run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Ball-ball collisions.
+    pub pair_collisions: u64,
+    /// Collisions of a ball with a container wall.
+    pub wall_collisions: u64,
+    /// Collisions of a ball with a plane.
+    pub plane_collisions: u64,
+    /// Entries into a cell.
+    pub cell_crossings: u64,
+    /// Queued collisions found outdated when their turn came.
+    pub stale_events: u64,
+    /// Collisions that were due before the moment they were found.
+    pub late_events: u64,
+    /// Collisions at exactly the time of the collision before.
+    pub ties: u64,
+    /// Collisions of a ball at exactly the time of its own collision before.
+    pub zero_time_events: u64,
+}
+
+/// Pressure by two routes, averaged over the settled part of the run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Pressure {
+    /// Momentum given to the walls per time and physical wall area.
+    pub wall: Option<f64>,
+    /// From the virial of the pair collisions, on the volume open to the centres.
+    pub virial: Option<f64>,
+    /// Standard error of `wall` from block averages.
+    pub standard_error: Option<f64>,
+}
+
+/// What kinetic theory expects of this scene at its measured temperature.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Expected {
+    /// Force per physical wall area.
+    pub pressure: Option<f64>,
+    /// Pair collisions of the whole gas per simulated time.
+    pub pair_rate: Option<f64>,
+    /// Wall collisions of the whole gas per simulated time.
+    pub wall_rate: Option<f64>,
+}
+
+/// Speed histogram against Maxwell's distribution at the measured temperature.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Speeds {
+    /// Width of a bin \[speed\]; bin `i` holds speeds in `[i, i + 1) * bin_width`, the last one also everything faster.
+    pub bin_width: f64,
+    /// Balls per bin.
+    pub counts: Vec<u64>,
+    /// Balls per bin that Maxwell's distribution expects.
+    pub maxwell: Vec<f64>,
+    /// Kolmogorov-Smirnov distance between measured and Maxwell's cumulative distribution, at the bin edges.
+    pub ks: f64,
+    /// The distance that one run in a thousand exceeds by chance, `1.949 / sqrt(n)`.
+    pub ks_critical: f64,
+}
+
+/// One point of the run's history.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HistoryPoint {
+    /// Simulated time at the end of the interval this point covers.
+    pub time: f64,
+    /// Temperature at that time.
+    pub temperature: f64,
+    /// Wall pressure over the interval.
+    pub pressure: f64,
+    /// Pair collisions per simulated time over the interval.
+    pub pair_rate: f64,
+    /// Events in the queue at that time.
+    pub queue_length: f64,
+}
+
+/// A bounded sample of the balls for the picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// Positions relative to the domain's centre \[length\], in an order that any prefix is a fair sample of the whole.
+    /// The same index is the same ball in every snapshot.
+    pub positions: Vec<[f32; 3]>,
+    /// Names of the first entries, if the scene names balls; these are drawn tagged.
+    pub names: Vec<String>,
+}
+
+/// Everything a screen or a summary may know of a run at one moment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Snapshot {
+    /// Grows by one with each snapshot.
+    pub sequence: u64,
+    /// What does not change.
+    pub scene: Arc<SceneCard>,
+    /// Name of the engine, as `--engine` takes it.
+    pub engine: &'static str,
+    /// What the run is doing.
+    pub phase: Phase,
+    /// Whether time runs backwards (an odd number of reversals).
+    pub reversed: bool,
+    /// Simulated time run so far; it grows also after a reversal.
+    pub time: f64,
+    /// Simulated time at which the run ends; `None` runs for ever.
+    pub until: Option<f64>,
+    /// Wall-clock time spent running, pauses excluded.
+    pub wall_time_s: f64,
+    /// From the program's start to the first event.
+    pub setup_time_s: Option<f64>,
+    /// Simulated time per wall second, lately.
+    pub time_rate: Option<f64>,
+    /// Ceiling on `time_rate` chosen by the user.
+    pub time_rate_limit: Option<f64>,
+    /// Pair collisions per wall second, lately.
+    pub collisions_per_wall_second: Option<f64>,
+    /// Wall seconds left: a low and a high estimate.
+    pub time_left_s: Option<(f64, f64)>,
+    /// Collisions and events so far.
+    pub counts: Counts,
+    /// Temperature from the kinetic energy, `2 K / (3 N k)`.
+    pub temperature: Option<f64>,
+    /// Kinetic energy.
+    pub kinetic_energy: f64,
+    /// Pressure, averaged over the settled part of the run.
+    pub pressure: Pressure,
+    /// `P V / (N k T)` from the wall pressure and the physical volume.
+    pub compressibility_factor: Option<f64>,
+    /// Pair collisions of one ball per simulated time, averaged over the settled part of the run.
+    pub collision_rate: Option<f64>,
+    /// Pair collisions of the whole gas per simulated time, averaged likewise.
+    pub pair_rate: Option<f64>,
+    /// Wall collisions of the whole gas per simulated time, averaged likewise.
+    pub wall_rate: Option<f64>,
+    /// Path a ball flies between two pair collisions \[length\].
+    pub mean_free_path: Option<f64>,
+    /// What kinetic theory expects.
+    pub expected: Expected,
+    /// Kinetic energy now over that at the start, minus one.
+    pub energy_drift: Option<f64>,
+    /// Change of total momentum not explained by the walls, relative to the sum of all momenta.
+    pub momentum_drift: Option<f64>,
+    /// How far the virial ledger is from closing, relative to `2 K t`.
+    pub virial_residual: Option<f64>,
+    /// Largest overlap at a collision, relative to the contact distance; `None` before the first pair collision.
+    pub max_overlap: Option<f64>,
+    /// Speed histogram, refreshed every few seconds.
+    pub speeds: Option<Arc<Speeds>>,
+    /// Events in the queue now.
+    pub queue_length: u64,
+    /// Most events ever in the queue.
+    pub queue_length_max: u64,
+    /// Largest resident memory of the process so far.
+    pub peak_rss_bytes: Option<u64>,
+    /// Hash of time and state, synchronised; only in the last snapshot of a run.
+    pub state_hash: Option<u64>,
+    /// The run's history, oldest first, bounded.
+    pub history: Arc<Vec<HistoryPoint>>,
+    /// Balls for the picture; `None` while nobody watches.
+    pub sample: Option<Arc<Sample>>,
+}
+
+/// One row of the series file, at a multiple of the scene's `sample`.
+///
+/// Pressures are averages over the interval since the row before; counts cover the whole run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SeriesRow {
+    /// Simulated time.
+    pub time: f64,
+    /// Wall-clock time spent running.
+    pub wall_time_s: f64,
+    /// Temperature.
+    pub temperature: Option<f64>,
+    /// Wall pressure over the interval.
+    pub pressure_wall: Option<f64>,
+    /// Virial pressure over the interval.
+    pub pressure_virial: Option<f64>,
+    /// Ball-ball collisions so far.
+    pub pair_collisions: u64,
+    /// Wall collisions so far.
+    pub wall_collisions: u64,
+    /// Events in the queue.
+    pub queue_length: u64,
+    /// Largest overlap so far, relative to the contact distance.
+    pub max_overlap: Option<f64>,
+    /// Kinetic energy over that at the start, minus one.
+    pub energy_drift: Option<f64>,
+}

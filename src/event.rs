@@ -119,8 +119,6 @@ pub struct Collision {
     pub virial: f64,
     /// Distance between the surfaces over the contact distance: negative for an overlap. Zero for walls.
     pub gap: f64,
-    /// Path that the participating balls have flown since their flights began.
-    pub path: f64,
 }
 
 #[cfg(test)]

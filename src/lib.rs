@@ -6,7 +6,7 @@
 //!
 //! * **Screen** (`tui`) sees [`feed`] and [`snapshot`], never an engine.
 //! * **Edges** ([`scene`], [`worker`], `headless`, `summary`, ...) own files, threads, signals and the wall clock.
-//! * **Physics** ([`collision`], [`state`], [`engine`], `observe`, ...) is pure: it knows no clock, file, thread or screen.
+//! * **Physics** ([`collision`], [`state`], [`engine`], [`observe`], ...) is pure: it knows no clock, file, thread or screen.
 //!
 //! # Invariants
 //!
@@ -28,6 +28,7 @@ pub mod collision;
 pub mod domain;
 pub mod engine;
 pub mod event;
+pub mod observe;
 pub mod state;
 
 // Edges.

@@ -281,7 +281,6 @@ impl EventDriven {
             impulse,
             virial: after.position.dot(impulse),
             gap: 0.0,
-            path: before.velocity.length() * now.since(before.begin),
         };
         self.counters.wall_collisions += 1;
         self.note_instant(&collision, &[ball])?;
@@ -329,10 +328,6 @@ impl EventDriven {
             impulse,
             virial: separation.dot(impulse),
             gap: (separation.length() - contact) / contact,
-            path: before
-                .iter()
-                .map(|flight| flight.velocity.length() * now.since(flight.begin))
-                .sum(),
         };
         self.counters.pair_collisions += 1;
         self.note_instant(&collision, &[first, second])?;

@@ -33,6 +33,7 @@ pub mod state;
 
 // Edges.
 pub mod feed;
+pub mod history;
 pub mod scene;
 pub mod snapshot;
 pub mod worker;

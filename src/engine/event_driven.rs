@@ -137,11 +137,13 @@ impl EventDriven {
                 EventKind::Crossing { axis } => self.cross(event.ball as usize, axis),
                 EventKind::Wall(wall) => self.hit_wall(event.ball as usize, wall, report)?,
                 EventKind::Pair { partner } => {
-                    self.meet(event.ball as usize, partner as usize, report)?
+                    self.meet(event.ball as usize, partner as usize, report)?;
                 }
             }
         }
-        self.state.now = until;
+        if until > self.state.now {
+            self.state.now = until;
+        }
         Ok(())
     }
 

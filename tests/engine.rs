@@ -267,7 +267,7 @@ fn one_second_there_and_back_returns_to_the_start() {
 fn units_scaled_by_powers_of_two_give_the_same_bits() {
     let placement = seed_scene(5, 1);
     let mut expected = Vec::new();
-    let engine = run(&placement, 6.0, &mut |collision| {
+    let engine = run(&placement, 9.0, &mut |collision| {
         expected.push((collision.time, collision.participants))
     });
     assert!(expected.len() > 1000);
@@ -294,7 +294,7 @@ fn units_scaled_by_powers_of_two_give_the_same_bits() {
             .iter_mut()
             .for_each(|velocity| *velocity = *velocity * length / time);
         let mut records = Vec::new();
-        let twin = run(&scaled, 6.0 * time, &mut |collision| {
+        let twin = run(&scaled, 9.0 * time, &mut |collision| {
             records.push((collision.time, collision.participants))
         });
         assert_eq!(records, expected);

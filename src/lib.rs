@@ -30,3 +30,6 @@ pub mod feed;
 pub mod scene;
 pub mod snapshot;
 pub mod worker;
+
+// Screen.
+pub mod tui;

@@ -37,3 +37,6 @@ pub mod history;
 pub mod scene;
 pub mod snapshot;
 pub mod worker;
+
+// Screen.
+pub mod tui;

@@ -30,6 +30,7 @@ pub mod engine;
 pub mod event;
 pub mod observe;
 pub mod state;
+pub mod sum;
 
 // Edges.
 pub mod feed;

@@ -6,7 +6,6 @@
 pub mod blocks;
 pub mod ledger;
 pub mod speeds;
-pub mod sum;
 
 use crate::event::{Collision, Participants};
 use crate::observe::blocks::Blocks;

@@ -10,6 +10,7 @@
 use glam::DVec3;
 
 use crate::domain::Domain;
+use crate::sum::Sum;
 
 /// Added to a local time and taken away again, it leaves a multiple of 2^-49: f64 numbers in `[8, 16)` have that spacing.
 const ROUND_TO_GRID: f64 = 12.0;
@@ -315,7 +316,7 @@ impl State {
         let energy = |ball: usize| {
             0.5 * self.bodies.of(ball).mass * self.trajectories[ball].velocity.length_squared()
         };
-        (0..self.ball_count()).map(energy).sum()
+        (0..self.ball_count()).map(energy).collect::<Sum>().value()
     }
 
     /// Momentum of all balls.
@@ -331,7 +332,7 @@ impl State {
             let trajectory = &self.trajectories[ball];
             self.bodies.of(ball).mass * trajectory.position_at(self.now).dot(trajectory.velocity)
         };
-        (0..self.ball_count()).map(radial).sum()
+        (0..self.ball_count()).map(radial).collect::<Sum>().value()
     }
 
     /// A 64-bit hash of the present: time, and every ball's position and velocity at that time, bit for bit.

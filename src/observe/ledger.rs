@@ -8,8 +8,8 @@
 use glam::DVec3;
 
 use crate::event::{Collision, Participants};
-use crate::observe::sum::Sum;
 use crate::state::{State, Time};
+use crate::sum::Sum;
 
 /// The accounts of a run.
 #[derive(Clone, Debug)]
@@ -92,7 +92,10 @@ impl Ledger {
         let flight = 2.0 * self.kinetic_energy * elapsed;
         let magnitude =
             |ball: usize| state.bodies.of(ball).mass * state.trajectories[ball].velocity.length();
-        let momenta: f64 = (0..state.ball_count()).map(magnitude).sum();
+        let momenta = (0..state.ball_count())
+            .map(magnitude)
+            .collect::<Sum>()
+            .value();
         let expected = DVec3::from_array(self.momentum.map(|sum| sum.value()));
         let missing = state.radial_momentum() - self.radial_momentum.value() - flight;
         Drift {

@@ -161,7 +161,7 @@ pub fn run(
         survey_due,
         meter: Meter::default(),
         history: History::default(),
-        history_due: 0.0,
+        history_due: HISTORY_EVERY_S,
         last_point: Totals::default(),
         last_row: Totals::default(),
         rows: 0,

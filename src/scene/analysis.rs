@@ -4,7 +4,7 @@ use crate::state::Placement;
 
 /// Volume of the balls over the volume of the domain.
 pub fn packing_fraction(placement: &Placement) -> f64 {
-    let edges = 2.0 * placement.domain.half_size();
+    let edges = 2.0 * placement.domain.half_size;
     let share = |radius: f64| {
         4.0 / 3.0
             * std::f64::consts::PI

@@ -26,7 +26,15 @@ pub mod domain;
 pub mod state;
 
 // Edges.
+pub mod check;
+pub mod cli;
 pub mod feed;
+pub mod headless;
+pub mod output;
+pub mod quantity;
+pub mod run;
 pub mod scene;
+pub mod signals;
 pub mod snapshot;
+pub mod summary;
 pub mod worker;

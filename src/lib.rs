@@ -5,8 +5,8 @@
 //! Imports point downwards only; `tests/layers.rs` reads the sources and fails when one does not.
 //!
 //! * **Screen** (`tui`) sees [`feed`] and [`snapshot`], never an engine.
-//! * **Edges** ([`scene`], [`worker`], `headless`, `summary`, ...) own files, threads, signals and the wall clock.
-//! * **Physics** (`collision`, [`state`], `engine`, `observe`, ...) is pure: it knows no clock, file, thread or screen.
+//! * **Edges** ([`scene`], [`worker`], [`headless`], [`summary`], ...) own files, threads, signals and the wall clock.
+//! * **Physics** ([`collision`], [`state`], [`engine`], [`observe`], ...) is pure: it knows no clock, file, thread or screen.
 //!
 //! # Invariants
 //!
@@ -22,14 +22,22 @@
 pub mod error;
 
 // Physics.
+pub mod calendar;
+pub mod cell_list;
+pub mod collision;
 pub mod domain;
+pub mod engine;
+pub mod event;
+pub mod observe;
 pub mod state;
+pub mod sum;
 
 // Edges.
 pub mod check;
 pub mod cli;
 pub mod feed;
 pub mod headless;
+pub mod history;
 pub mod output;
 pub mod quantity;
 pub mod run;
@@ -38,3 +46,6 @@ pub mod signals;
 pub mod snapshot;
 pub mod summary;
 pub mod worker;
+
+// Screen.
+pub mod tui;

@@ -3,18 +3,18 @@
 use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use clap::{CommandFactory, Parser};
 use moltop::check::Report;
 use moltop::cli::{Cli, Command, RunOptions};
 use moltop::error::{Error, Result};
-use moltop::feed::Feed;
 use moltop::headless;
 use moltop::run::{Prepared, load, say};
 use moltop::signals::Signals;
 use moltop::summary::Exit;
+use moltop::tui::{self, Leave};
+use signal_hook::consts::SIGHUP;
 
 fn main() -> ExitCode {
     let program_start = Instant::now();
@@ -65,17 +65,18 @@ fn watch(options: &RunOptions, program_start: Instant) -> Result<u8> {
     let prepared = Prepared::new(options)?;
     let signals = Signals::listen()?;
     let run = prepared.start(program_start)?;
-    let left = dashboard(&run.feed(), signals.stop());
-    let exit = signals.received().map_or(Exit::Quit, Exit::Signal);
+    let left = tui::run(
+        &run.feed(),
+        signals.stop(),
+        &tui::Options::from_environment(),
+    );
+    let exit = match (&left, signals.received()) {
+        (_, Some(number)) => Exit::Signal(number),
+        (Ok(Leave::HangUp), None) => Exit::Signal(SIGHUP),
+        _ => Exit::Quit,
+    };
     let code = run.finish(exit)?.code(); // whatever became of the screen, the results are written
-    left.map(|()| code)
-}
-
-/// The screen, until the user leaves it, the run's terminal goes away, or `stop` is set.
-fn dashboard(_feed: &dyn Feed, _stop: &AtomicBool) -> Result<()> {
-    Err(Error::Usage(
-        "this build has no dashboard: `moltop run SCENE` runs without one".to_owned(),
-    ))
+    left.map(|_| code)
 }
 
 fn check(scene: Option<&PathBuf>, json: bool) -> Result<u8> {

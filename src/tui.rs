@@ -1,0 +1,123 @@
+//! The dashboard: a run on the terminal.
+//!
+//! Sees only [`Feed`] and [`Snapshot`](crate::snapshot::Snapshot). The newest snapshot wins; keys are acted on at once; a
+//! frame is drawn only when something changed. The screen is a function of [`app::App`], see [`view::draw`].
+
+pub mod app;
+pub mod camera;
+pub mod format;
+pub mod keys;
+pub mod picture;
+pub mod terminal;
+pub mod theme;
+pub mod trails;
+pub mod view;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use ratatui::buffer::Buffer;
+use ratatui::crossterm::event::{self, Event};
+use ratatui::layout::Rect;
+
+use crate::error::{Error, Result};
+use crate::feed::{Command, Feed};
+use app::App;
+use terminal::Screen;
+
+/// How the dashboard is to look.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// 7-bit characters only.
+    pub ascii: bool,
+}
+
+impl Options {
+    /// What the locale in the environment asks for.
+    pub fn from_environment() -> Self {
+        Self {
+            ascii: !theme::locale_is_utf8(|name| std::env::var(name).ok()),
+        }
+    }
+}
+
+/// Why the dashboard ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Leave {
+    /// The user wants to leave: the run is to be stopped if it still goes on.
+    Quit,
+    /// `stop` was raised.
+    Signal,
+    /// The terminal is gone; nothing more may be printed to it.
+    HangUp,
+}
+
+/// Least time between two frames that only new data asks for.
+const FRAME: Duration = Duration::from_millis(100);
+/// Longest wait, so that a signal or a new window size is noticed.
+const TICK: Duration = Duration::from_millis(50);
+
+/// Shows the dashboard until the user leaves, `stop` is raised or the terminal vanishes.
+///
+/// The terminal is given back on every way out. The run is asked for pictures while the dashboard is up.
+///
+/// # Errors
+/// When standard output is no terminal, or the terminal refuses.
+pub fn run(feed: &dyn Feed, stop: &AtomicBool, options: &Options) -> Result<Leave> {
+    let mut screen = Screen::take()?;
+    feed.send(Command::Watch(true));
+    let left = watch(feed, stop, options, &mut screen);
+    feed.send(Command::Watch(false));
+    left
+}
+
+fn watch(
+    feed: &dyn Feed,
+    stop: &AtomicBool,
+    options: &Options,
+    screen: &mut Screen,
+) -> Result<Leave> {
+    let mut app = App::new(feed.latest(), options.ascii);
+    let mut size = (0, 0);
+    let mut urgent = true;
+    let mut changed = true;
+    let mut drawn = Instant::now();
+    loop {
+        if stop.load(Ordering::SeqCst) {
+            return Ok(Leave::Signal);
+        }
+        let now_size = screen.size();
+        urgent |= std::mem::replace(&mut size, now_size) != now_size;
+        let newest = feed.latest();
+        if newest.sequence != app.latest.sequence {
+            changed |= app.observe(newest);
+        }
+        let due = urgent || changed && drawn.elapsed() >= FRAME;
+        // A terminal without a size shows nothing.
+        if due && screen.is_ready() && size.0 > 0 && size.1 > 0 {
+            let area = Rect::new(0, 0, size.0, size.1);
+            let mut frame = Buffer::empty(area);
+            view::draw(&app, area, &mut frame);
+            screen.show(frame)?;
+            drawn = Instant::now();
+            (urgent, changed) = (false, false);
+        }
+        let rest = if changed {
+            FRAME.saturating_sub(drawn.elapsed()).min(TICK)
+        } else {
+            TICK
+        };
+        let Some(keys_wait) = screen.wait(rest.max(Duration::from_millis(1))) else {
+            return Ok(Leave::HangUp);
+        };
+        screen.deliver()?;
+        while keys_wait && event::poll(Duration::ZERO).map_err(Error::Terminal)? {
+            if let Event::Key(key) = event::read().map_err(Error::Terminal)?
+                && let Some(leave) = app.press(key, &mut |command| feed.send(command))
+            {
+                return Ok(leave);
+            }
+            urgent = true;
+        }
+    }
+}

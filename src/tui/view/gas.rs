@@ -1,0 +1,169 @@
+//! The picture of the gas, with a scale bar and words that say what is shown.
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::{Modifier, Style};
+
+use super::text::{framed_with_foot, put, title, width};
+use crate::snapshot::{Phase, Snapshot, Units};
+use crate::tui::app::App;
+use crate::tui::format::{count, plain, si};
+use crate::tui::picture::{Layer, Picture, Portion};
+use crate::tui::theme::{self, Glyphs};
+use crate::tui::trails::mean_edge;
+
+/// Draws the panel.
+pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+    let camera = &app.camera;
+    let zoom = if camera.zoom_steps == 0 {
+        String::new()
+    } else {
+        format!(" · zoom {:.2}", camera.zoom())
+    };
+    let foot = format!(" az {} el {}{zoom} ", camera.azimuth, camera.elevation);
+    let Some(sample) = &snapshot.sample else {
+        let inner = framed_with_foot(buffer, area, title("gas", ""), &foot);
+        let words = match snapshot.phase {
+            Phase::Starting => "placing the molecules",
+            _ => "waiting for a picture",
+        };
+        let middle = (
+            inner.width.saturating_sub(width(words)) / 2,
+            inner.height / 2,
+        );
+        put(buffer, inner, middle, words, theme::QUIET);
+        return;
+    };
+    let glyphs: &Glyphs = if app.ascii {
+        &theme::ASCII
+    } else {
+        &theme::UNICODE
+    };
+    let pane = (area.width.saturating_sub(2), area.height.saturating_sub(2));
+    let picture = Picture::draw(
+        &snapshot.scene,
+        sample,
+        &app.trails,
+        (camera, app.mode),
+        pane,
+        glyphs,
+    );
+    let remark = words(&picture.portion, snapshot);
+    let inner = framed_with_foot(buffer, area, title("gas", &remark), &foot);
+    for (index, (glyph, layer)) in picture.cells.iter().enumerate() {
+        let at = (
+            (index % picture.width) as u16,
+            (index / picture.width) as u16,
+        );
+        if let Some(style) = style(*layer) {
+            let mut bytes = [0; 4];
+            put(buffer, inner, at, glyph.encode_utf8(&mut bytes), style);
+        }
+    }
+    names(app, snapshot, &sample.names, inner, buffer);
+    scale_bar(picture.scale, snapshot.scene.units, inner, buffer);
+}
+
+/// What of the gas is shown.
+fn words(portion: &Portion, snapshot: &Snapshot) -> String {
+    let units = snapshot.scene.units;
+    let molecules = match portion.one_in {
+        ..1.005 => "all molecules".to_string(),
+        ..10.0 => format!("1 molecule in {:.1}", portion.one_in),
+        many => {
+            let power = 10_f64.powf(many.log10().floor() - 1.0);
+            format!(
+                "1 molecule in {}",
+                count(((many / power).round() * power) as u64)
+            )
+        }
+    };
+    match portion.slab {
+        Some(slab) => {
+            let edge = mean_edge(snapshot.scene.size);
+            let of = length(edge, units, 3);
+            format!("slab {} of {of} · {molecules}", length(slab, units, 2))
+        }
+        None => format!("whole depth · {molecules}"),
+    }
+}
+
+fn length(value: f64, units: Units, digits: usize) -> String {
+    match units {
+        Units::Si => si(value, "m", digits),
+        Units::Reduced => plain(value, digits),
+    }
+}
+
+fn style(layer: Layer) -> Option<Style> {
+    let tag =
+        |tag: u8| Style::new().fg(theme::TAG_COLORS[usize::from(tag) % theme::TAG_COLORS.len()]);
+    match layer {
+        Layer::Empty => None,
+        Layer::Edge | Layer::Molecule(0) => Some(theme::QUIET),
+        Layer::Molecule(1) | Layer::Shade => Some(theme::VALUE),
+        Layer::Molecule(_) => Some(theme::STRONG),
+        Layer::Trail(index) => Some(tag(index)),
+        Layer::Tag(index) => Some(tag(index).add_modifier(Modifier::BOLD)),
+    }
+}
+
+/// Which glyph is which named ball.
+fn names(app: &App, snapshot: &Snapshot, names: &[String], area: Rect, buffer: &mut Buffer) {
+    let glyphs = if app.ascii {
+        theme::ASCII
+    } else {
+        theme::UNICODE
+    };
+    let _ = snapshot;
+    let mut column = 0;
+    for (index, (name, glyph)) in names.iter().zip(glyphs.tags).enumerate() {
+        let text = format!("{glyph} {name}");
+        if column + width(&text) > area.width {
+            break;
+        }
+        let style = style(Layer::Tag(index as u8)).unwrap_or_default();
+        column = put(buffer, area, (column, 0), &text, style) + 2;
+    }
+}
+
+/// A bar in the lower right corner, exactly as long as it says.
+fn scale_bar(scale: f64, units: Units, area: Rect, buffer: &mut Buffer) {
+    if !scale.is_normal() || area.height < 3 {
+        return;
+    }
+    let longest = f64::from(area.width) * 0.4 / scale;
+    let power = 10_f64.powf(longest.log10().floor());
+    let fitting = [5.0, 2.0, 1.0, 0.5]
+        .map(|digit| digit * power)
+        .into_iter()
+        .filter(|bar| *bar <= longest)
+        .map(|bar| {
+            (
+                bar,
+                (bar * scale).round() as u16,
+                format!(" {} ", round_length(bar, units)),
+            )
+        })
+        .rfind(|(_, columns, text)| *columns >= width(text) + 2);
+    let Some((_, columns, text)) = fitting else {
+        return;
+    };
+    let row = area.height - 1;
+    let start = area.width - columns;
+    for column in start + 1..area.width - 1 {
+        put(buffer, area, (column, row), "─", theme::VALUE);
+    }
+    put(buffer, area, (start, row), "├", theme::VALUE);
+    put(buffer, area, (area.width - 1, row), "┤", theme::VALUE);
+    let middle = start + (columns - width(&text)) / 2;
+    put(buffer, area, (middle, row), &text, theme::VALUE);
+}
+
+/// A length with one significant digit, without trailing zeros.
+fn round_length(value: f64, units: Units) -> String {
+    match units {
+        Units::Si => si(value, "m", 1),
+        Units::Reduced => plain(value, 1),
+    }
+}

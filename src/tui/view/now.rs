@@ -1,0 +1,160 @@
+//! The state of the gas: each quantity with its error, what theory expects, and its history.
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+
+use super::chart::{self, Series};
+use super::text::{framed, put, put_before, title};
+use crate::snapshot::{HistoryPoint, Snapshot, Units};
+use crate::tui::app::App;
+use crate::tui::format::{count, percent_off, plain, quantity, scientific, si, sigmas, with_error};
+use crate::tui::theme;
+
+/// A quantity with its history.
+pub(super) struct Entry {
+    /// Its name.
+    pub label: &'static str,
+    /// Its value now.
+    pub value: String,
+    /// What theory says of it, if anything.
+    pub theory: String,
+    /// A second remark beside the theory.
+    pub remark: String,
+    /// Its history.
+    pub series: Series,
+    /// Writes a value of the axis.
+    axis: Box<dyn Fn(f64) -> String>,
+}
+
+/// Rows of a chart from which on it deserves axes.
+const CHART: u16 = 3;
+
+/// Draws the panel.
+pub(super) fn panel(_app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+    let inner = framed(buffer, area, title("now", ""));
+    let entries = entries(snapshot);
+    let words: u16 = entries
+        .iter()
+        .map(|entry| 1 + u16::from(!entry.theory.is_empty()))
+        .sum();
+    let charts = inner.height.saturating_sub(words);
+    let share = (charts.saturating_sub(1) / entries.len() as u16).min(10);
+    let with_axes = share >= CHART;
+    let mut row = 0;
+    for entry in &entries {
+        put(buffer, inner, (0, row), entry.label, theme::QUIET);
+        put_before(
+            buffer,
+            inner,
+            (inner.width, row),
+            &entry.value,
+            theme::STRONG,
+        );
+        row += 1;
+        if !entry.theory.is_empty() {
+            put(buffer, inner, (0, row), &entry.theory, theme::THEORY);
+            put_before(
+                buffer,
+                inner,
+                (inner.width, row),
+                &entry.remark,
+                theme::VALUE,
+            );
+            row += 1;
+        }
+        let height = if with_axes { share } else { 1 };
+        let plot = Rect {
+            y: inner.y + row,
+            height,
+            ..inner
+        }
+        .intersection(inner);
+        if with_axes {
+            chart::chart(&entry.series, &*entry.axis, plot, buffer);
+        } else {
+            chart::sparkline(&entry.series, plot, buffer);
+        }
+        row += height;
+    }
+    if let (true, Some(first), Some(last)) =
+        (with_axes, snapshot.history.first(), snapshot.history.last())
+    {
+        let units = snapshot.scene.units;
+        let axis = Rect {
+            y: inner.y + row,
+            height: 1,
+            ..inner
+        }
+        .intersection(inner);
+        let time = |time: f64| quantity(Some(time), "s", units, 4);
+        chart::time_axis(&time(first.time), &time(last.time), axis, buffer);
+    }
+}
+
+/// Temperature, pressure, collision rate and queue length.
+pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
+    let units = snapshot.scene.units;
+    let pressure = snapshot.pressure;
+    let expected = snapshot.expected;
+    let history = |value: fn(&HistoryPoint) -> f64, expected: Option<f64>| Series {
+        points: snapshot
+            .history
+            .iter()
+            .map(|point| (point.time, value(point)))
+            .collect(),
+        expected,
+    };
+    let axis = move |unit: &'static str| -> Box<dyn Fn(f64) -> String> {
+        Box::new(move |value| quantity(Some(value), unit, units, 4))
+    };
+    let beside = |expected: Option<f64>, write: &dyn Fn(f64) -> String| {
+        expected.map_or(String::new(), |value| format!("theory {}", write(value)))
+    };
+    let temperature = Entry {
+        label: "temperature",
+        value: quantity(snapshot.temperature, "K", units, 5),
+        theory: String::new(),
+        remark: String::new(),
+        series: history(|point| point.temperature, None),
+        axis: axis("K"),
+    };
+    let pressure = Entry {
+        label: "pressure",
+        value: with_error(pressure.wall, pressure.standard_error, "Pa", units),
+        theory: beside(expected.pressure, &|value| {
+            quantity(Some(value), "Pa", units, 5)
+        }),
+        remark: sigmas(pressure.wall, expected.pressure, pressure.standard_error)
+            .unwrap_or_default(),
+        series: history(|point| point.pressure, expected.pressure),
+        axis: axis("Pa"),
+    };
+    let collisions = Entry {
+        label: "collisions",
+        value: rate(snapshot.pair_rate, units),
+        theory: beside(expected.pair_rate, &|value| rate(Some(value), units)),
+        remark: percent_off(snapshot.pair_rate, expected.pair_rate).unwrap_or_default(),
+        series: history(|point| point.pair_rate, expected.pair_rate),
+        axis: Box::new(move |value| match units {
+            Units::Si => scientific(value, 4),
+            Units::Reduced => plain(value, 4),
+        }),
+    };
+    let queue = Entry {
+        label: "queue",
+        value: format!("{} events", count(snapshot.queue_length)),
+        theory: String::new(),
+        remark: String::new(),
+        series: history(|point| point.queue_length, None),
+        axis: Box::new(|value| si(value, "", 4)),
+    };
+    [temperature, pressure, collisions, queue]
+}
+
+/// Events per simulated time.
+pub(super) fn rate(value: Option<f64>, units: Units) -> String {
+    match (value, units) {
+        (Some(value), Units::Si) => format!("{} per s", scientific(value, 4)),
+        (value, _) => quantity(value, "", Units::Reduced, 4),
+    }
+}

@@ -1,0 +1,111 @@
+//! Panels over the dashboard: help, the question before leaving, why a run failed, and what a small window needs.
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::widgets::{Clear, Widget};
+
+use super::SMALLEST;
+use super::text::{framed, put, title, width, wrap};
+use crate::snapshot::Phase;
+use crate::tui::app::{App, Overlay};
+use crate::tui::keys::KEYS;
+use crate::tui::theme;
+
+/// Draws the overlay that is up, if any.
+pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
+    match app.overlay {
+        Some(Overlay::Help) => help(area, buffer),
+        Some(Overlay::QuitQuestion) => {
+            let lines = [
+                "Stop the run and leave?",
+                "",
+                "y or enter  yes",
+                "n or esc    no",
+            ];
+            show("quit", &lines.map(String::from), theme::VALUE, area, buffer);
+        }
+        Some(Overlay::Failure) => {
+            if let Phase::Failed(why) = &app.latest.phase {
+                failure(why, area, buffer);
+            }
+        }
+        None => {}
+    }
+}
+
+/// What the marks on the screen mean.
+const MARKS: [&str; 4] = [
+    "theory +1.0σ: difference in standard errors",
+    "o  Maxwell's curve   KS: Kolmogorov-Smirnov distance",
+    "tagged molecules leave trails, at any depth",
+    "any key closes this help",
+];
+
+fn help(area: Rect, buffer: &mut Buffer) {
+    let mut lines: Vec<String> = KEYS
+        .iter()
+        .map(|binding| {
+            let pad = " ".repeat(usize::from(7_u16.saturating_sub(width(binding.shown))));
+            format!("{}{pad}{}", binding.shown, binding.help)
+        })
+        .collect();
+    lines.push(String::new());
+    lines.extend(MARKS.map(String::from));
+    show("help", &lines, theme::VALUE, area, buffer);
+}
+
+fn failure(why: &str, area: Rect, buffer: &mut Buffer) {
+    let columns = area.width.saturating_sub(6).min(72);
+    let mut lines = wrap(why, columns);
+    lines.extend([String::new(), "q leaves, any other key closes this".into()]);
+    show("the run failed", &lines, theme::VALUE, area, buffer);
+}
+
+/// A framed panel in the middle; lines that are too long are wrapped, and what is too much is cut at the foot.
+fn show(name: &str, lines: &[String], style: Style, area: Rect, buffer: &mut Buffer) {
+    let most = area.width.saturating_sub(4);
+    let lines: Vec<String> = lines
+        .iter()
+        .flat_map(|line| {
+            if width(line) <= most {
+                vec![line.clone()]
+            } else {
+                wrap(line, most)
+            }
+        })
+        .collect();
+    let widest = lines.iter().map(|line| width(line)).max().unwrap_or(0);
+    let size = (
+        (widest + 4).max(width(name) + 4).min(area.width),
+        (lines.len() as u16 + 2).min(area.height),
+    );
+    let place = Rect {
+        x: area.x + (area.width - size.0) / 2,
+        y: area.y + (area.height - size.1) / 2,
+        width: size.0,
+        height: size.1,
+    };
+    Clear.render(place, buffer);
+    let inner = framed(buffer, place, title(name, ""));
+    let text = Rect {
+        x: inner.x + 1,
+        width: inner.width.saturating_sub(2),
+        ..inner
+    };
+    for (row, line) in lines.iter().enumerate() {
+        put(buffer, text, (0, row as u16), line, style);
+    }
+}
+
+/// What the dashboard needs, in as many words as fit.
+pub(super) fn too_small(area: Rect, buffer: &mut Buffer) {
+    let (columns, rows) = SMALLEST;
+    let words = format!(
+        "moltop needs {columns}x{rows}, has {}x{}",
+        area.width, area.height
+    );
+    for (row, line) in wrap(&words, area.width).iter().enumerate() {
+        put(buffer, area, (0, row as u16), line, theme::VALUE);
+    }
+}

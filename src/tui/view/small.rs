@@ -1,0 +1,102 @@
+//! The dashboard in less than 80x24: numbers with short histories, and the picture if there is room.
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+
+use super::text::{put, put_before, width};
+use super::{chart, footer, gas, header, now, speeds};
+use crate::snapshot::Snapshot;
+use crate::tui::app::App;
+use crate::tui::format::{MISSING, clock};
+use crate::tui::theme;
+
+/// Columns of the numbers when the picture stands beside them.
+const NUMBERS: u16 = 40;
+/// Rows of the numbers.
+const ROWS: u16 = 10;
+/// Least columns and rows of a picture.
+const PICTURE: (u16, u16) = (26, 8);
+
+/// Draws the reduced dashboard.
+pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+    header::title_row(app, snapshot, area, buffer);
+    let foot = Rect {
+        y: area.bottom() - 1,
+        height: 1,
+        ..area
+    };
+    footer::panel(foot, buffer);
+    let mut body = Rect {
+        y: area.y + 1,
+        height: area.height - 2,
+        ..area
+    };
+    if body.width >= NUMBERS + PICTURE.0 {
+        let picture = Rect {
+            x: body.x + NUMBERS,
+            width: body.width - NUMBERS,
+            ..body
+        };
+        gas::panel(app, snapshot, picture, buffer);
+        body.width = NUMBERS;
+    } else if body.height >= ROWS + PICTURE.1 {
+        let picture = Rect {
+            y: body.y + ROWS,
+            height: body.height - ROWS,
+            ..body
+        };
+        gas::panel(app, snapshot, picture, buffer);
+        body.height = ROWS;
+    }
+    let inner = Rect {
+        x: body.x + 1,
+        width: body.width - 2,
+        ..body
+    };
+    numbers(snapshot, inner, buffer);
+}
+
+fn numbers(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+    let mut at = 0;
+    for entry in now::entries(snapshot) {
+        let end = line(buffer, area, at, entry.label, &entry.value);
+        let plot = Rect {
+            x: area.x + (end + 1).min(area.width),
+            y: area.y + at,
+            width: area.width.saturating_sub(end + 1),
+            height: 1,
+        };
+        chart::sparkline(&entry.series, plot.intersection(area), buffer);
+        at += 1;
+        if !entry.remark.is_empty() {
+            put(buffer, area, (2, at), &entry.theory, theme::THEORY);
+            put_before(buffer, area, (area.width, at), &entry.remark, theme::VALUE);
+            at += 1;
+        }
+    }
+    let verdict = snapshot
+        .speeds
+        .as_ref()
+        .map_or(MISSING.into(), |speeds| speeds::verdict(speeds));
+    put(buffer, area, (0, at), "speeds", theme::QUIET);
+    put_before(buffer, area, (area.width, at), &verdict, theme::VALUE);
+    let wall = clock(snapshot.wall_time_s);
+    let rows = [
+        (header::time(snapshot), String::new()),
+        (header::rate(snapshot), format!("wall {wall}")),
+        (header::left(snapshot), String::new()),
+    ];
+    for (left, right) in rows {
+        at += 1;
+        put(buffer, area, (0, at), &left, theme::VALUE);
+        put_before(buffer, area, (area.width, at), &right, theme::VALUE);
+    }
+}
+
+/// A label and a value in a fixed field; returns the column after it.
+fn line(buffer: &mut Buffer, area: Rect, at: u16, label: &str, value: &str) -> u16 {
+    put(buffer, area, (0, at), label, theme::QUIET);
+    let end = (12 + width(value)).max(26);
+    put_before(buffer, area, (end, at), value, theme::STRONG);
+    end
+}

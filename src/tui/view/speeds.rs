@@ -1,0 +1,178 @@
+//! The speed histogram, Maxwell's curve over it, and the verdict.
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+
+use super::chart::BARS;
+use super::text::{framed, put, put_before, title, width};
+use crate::snapshot::{Snapshot, Speeds, Units};
+use crate::tui::format::{MISSING, plain, quantity, si};
+use crate::tui::theme;
+
+/// Share of the balls that the speed axis may leave out on the right.
+const TAIL: f64 = 0.001;
+
+/// Draws the panel.
+pub(super) fn panel(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+    let units = snapshot.scene.units;
+    let Some(speeds) = &snapshot.speeds else {
+        framed(buffer, area, title("speeds", MISSING));
+        return;
+    };
+    let temperature = quantity(snapshot.temperature, "K", units, 5);
+    let verdict = verdict(speeds);
+    let long = format!("Maxwell o at {temperature} · {verdict}");
+    let remark = if width(&long) + 14 <= area.width {
+        long
+    } else {
+        verdict
+    };
+    let inner = framed(buffer, area, title("speeds", &remark));
+    if inner.height < 2 || inner.width < 8 || !speeds.bin_width.is_normal() {
+        return;
+    }
+    let plot = Rect {
+        height: inner.height - 1,
+        ..inner
+    };
+    let fastest = fastest(speeds);
+    let columns = usize::from(plot.width);
+    let measured: Vec<f64> = speeds.counts.iter().map(|count| *count as f64).collect();
+    let measured = rebin(&measured, speeds.bin_width, fastest, columns);
+    let maxwell = rebin(&speeds.maxwell, speeds.bin_width, fastest, columns);
+    let highest = measured.iter().chain(&maxwell).copied().fold(0.0, f64::max) * 1.04;
+    if highest > 0.0 && highest.is_finite() {
+        for column in 0..columns {
+            draw_bar(plot, column as u16, measured[column] / highest, buffer);
+        }
+        for (column, value) in maxwell.iter().enumerate() {
+            let height = value / highest * f64::from(plot.height);
+            let row = (height.max(0.0) as u16).min(plot.height - 1);
+            put(
+                buffer,
+                plot,
+                (column as u16, plot.height - 1 - row),
+                "o",
+                theme::THEORY,
+            );
+        }
+    }
+    let axis = Rect {
+        y: plot.bottom(),
+        height: 1,
+        ..inner
+    };
+    speed_axis(fastest, units, axis, buffer);
+}
+
+/// Whether the speeds are Maxwell's, in words.
+pub(super) fn verdict(speeds: &Speeds) -> String {
+    let ratio = speeds.ks / speeds.ks_critical;
+    if !ratio.is_finite() {
+        return MISSING.into();
+    }
+    let agrees = if ratio <= 1.0 { "agrees" } else { "differs" };
+    format!("KS {:.2} of critical: {agrees}", ratio.min(9_999.0))
+}
+
+/// Right end of the speed axis: nearly all balls, measured and expected, are slower.
+fn fastest(speeds: &Speeds) -> f64 {
+    let counts: Vec<f64> = speeds.counts.iter().map(|count| *count as f64).collect();
+    let bins = bins_below(&counts).max(bins_below(&speeds.maxwell)).max(1);
+    bins as f64 * speeds.bin_width
+}
+
+fn bins_below(bins: &[f64]) -> usize {
+    let total: f64 = bins.iter().sum();
+    let mut sum = 0.0;
+    bins.iter()
+        .position(|bin| {
+            sum += bin;
+            sum >= (1.0 - TAIL) * total
+        })
+        .map_or(bins.len(), |place| place + 1)
+}
+
+/// Shares bins out to columns in proportion to the overlap.
+fn rebin(bins: &[f64], bin_width: f64, fastest: f64, columns: usize) -> Vec<f64> {
+    let step = fastest / columns as f64 / bin_width;
+    let share = |bin: usize, from: f64, to: f64| {
+        let overlap = to.min(bin as f64 + 1.0) - from.max(bin as f64);
+        bins.get(bin).copied().unwrap_or(0.0) * overlap.max(0.0)
+    };
+    (0..columns)
+        .map(|column| {
+            let (from, to) = (column as f64 * step, (column + 1) as f64 * step);
+            (from as usize..=to as usize)
+                .map(|bin| share(bin, from, to))
+                .sum()
+        })
+        .collect()
+}
+
+fn draw_bar(plot: Rect, column: u16, height: f64, buffer: &mut Buffer) {
+    let eighths = (height * f64::from(plot.height) * 8.0).round().max(0.0) as u16;
+    for row in 0..plot.height {
+        let level = eighths.saturating_sub(8 * row).min(8);
+        if level > 0 {
+            let at = (column, plot.height - 1 - row);
+            put(buffer, plot, at, BARS[usize::from(level - 1)], theme::BAR);
+        }
+    }
+}
+
+/// Round speeds along the bottom, and the unit at the end.
+fn speed_axis(fastest: f64, units: Units, area: Rect, buffer: &mut Buffer) {
+    let unit = if units == Units::Si { "m/s" } else { "" };
+    let write = |value: f64| match units {
+        Units::Si => si(value, "", 4).replace(' ', "\u{a0}"),
+        Units::Reduced => plain(value, 3),
+    };
+    let room = area.width.saturating_sub(width(unit) + 1);
+    let rough = fastest / (f64::from(area.width) / 10.0).max(1.0);
+    let power = 10_f64.powf(rough.log10().floor());
+    let step = [1.0, 2.0, 2.5, 5.0, 10.0]
+        .map(|digit| digit * power)
+        .into_iter()
+        .find(|step| *step >= rough)
+        .unwrap_or(10.0 * power);
+    put(buffer, area, (0, 0), "0", theme::QUIET);
+    let mut tick = step;
+    let mut free = 2;
+    while tick < fastest && step.is_normal() {
+        let text = if units == Units::Si && (1.0..10_000.0).contains(&tick) {
+            format!("{}", (tick * 10.0).round() / 10.0)
+        } else {
+            write(tick)
+        };
+        let column = (tick / fastest * f64::from(area.width)) as u16;
+        let start = column.saturating_sub(width(&text) / 2);
+        if start >= free && start + width(&text) <= room {
+            free = put(buffer, area, (start, 0), &text, theme::QUIET) + 1;
+        }
+        tick += step;
+    }
+    put_before(buffer, area, (area.width, 0), unit, theme::QUIET);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sharing_bins_out_keeps_the_balls() {
+        let bins = [1.0, 4.0, 2.0, 1.0];
+        for columns in [1, 3, 4, 7, 100] {
+            let shared: f64 = rebin(&bins, 0.5, 2.0, columns).iter().sum();
+            assert!((shared - 8.0).abs() < 1e-9, "{columns}");
+        }
+    }
+
+    #[test]
+    fn the_axis_leaves_out_a_lonely_tail() {
+        let mut bins = vec![1000.0; 10];
+        bins.extend([0.0; 20]);
+        bins.push(1.0);
+        assert_eq!(bins_below(&bins), 10);
+    }
+}

@@ -140,10 +140,7 @@ impl Run {
         let mut written = Vec::new();
         if let Some(target) = self.summary {
             let summary = Summary::new(&outcome.snapshot, &exit);
-            written.push(target.write(|writer| {
-                serde_json::to_writer_pretty(&mut *writer, &summary)?;
-                writer.write_all(b"\n")
-            }));
+            written.push(target.write(|writer| summary.write(writer)));
         }
         // The worker is gone, and with it the sender of rows.
         written.extend(self.series.map(SeriesWriter::finish));

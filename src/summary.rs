@@ -1,8 +1,11 @@
 //! What a run says of itself at its end: the summary file, and the same in a few lines for people.
 
 use std::fmt::Write as _;
+use std::io;
 
 use serde::Serialize;
+use serde_json::Serializer;
+use serde_json::ser::{Formatter, PrettyFormatter};
 
 use crate::quantity::{Quantity, duration, quantity};
 use crate::snapshot::{Phase, Pressure, Snapshot, Speeds, Units};
@@ -173,6 +176,18 @@ impl<'s> Summary<'s> {
     }
 }
 
+impl Summary<'_> {
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// What the writer answers.
+    pub fn write(&self, writer: &mut dyn io::Write) -> io::Result<()> {
+        let mut serializer = Serializer::with_formatter(&mut *writer, OneKeyPerLine::default());
+        self.serialize(&mut serializer)?;
+        writer.write_all(b"\n")
+    }
+}
+
 impl<'s> SpeedSummary<'s> {
     fn new(speeds: &'s Speeds) -> Self {
         let Speeds {
@@ -194,6 +209,36 @@ impl<'s> SpeedSummary<'s> {
     }
 }
 
+/// One key a line, but a histogram's numbers on one line.
+#[derive(Default)]
+struct OneKeyPerLine(PrettyFormatter<'static>);
+
+impl Formatter for OneKeyPerLine {
+    fn begin_object<W: io::Write + ?Sized>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.0.begin_object(writer)
+    }
+
+    fn end_object<W: io::Write + ?Sized>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.0.end_object(writer)
+    }
+
+    fn begin_object_key<W: io::Write + ?Sized>(
+        &mut self,
+        writer: &mut W,
+        first: bool,
+    ) -> io::Result<()> {
+        self.0.begin_object_key(writer, first)
+    }
+
+    fn begin_object_value<W: io::Write + ?Sized>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.0.begin_object_value(writer)
+    }
+
+    fn end_object_value<W: io::Write + ?Sized>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.0.end_object_value(writer)
+    }
+}
+
 /// The summary in a few lines for people.
 pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
     let units = snapshot.scene.units;
@@ -203,14 +248,10 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
     let mut text = String::new();
     let mut line =
         |name: &str, value: String| writeln!(text, "{name:<18}{value}").expect("memory takes all");
+    let end = show(Some(snapshot.time), Quantity::Time);
     line(
         "run",
-        format!(
-            "{}: {} of {}",
-            exit.words(),
-            show(Some(snapshot.time), Quantity::Time),
-            snapshot.scene.title
-        ),
+        format!("{}: {} at {end}", snapshot.scene.title, exit.words()),
     );
     line("wall time", duration(snapshot.wall_time_s));
     line(
@@ -247,4 +288,129 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
     line("energy drift", drift(snapshot.energy_drift));
     line("largest overlap", drift(snapshot.max_overlap));
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::snapshot::{Counts, Expected, SceneCard};
+
+    /// A run of which nothing is known yet.
+    fn young() -> Snapshot {
+        let scene = SceneCard {
+            title: "Nothing yet".to_owned(),
+            units: Units::Si,
+            ball_count: 2,
+            packing_fraction: 0.1,
+            size: [1.0; 3],
+            center: [0.0; 3],
+            radius: 0.1,
+            sample: 1.0,
+        };
+        Snapshot {
+            sequence: 0,
+            scene: Arc::new(scene),
+            engine: "event",
+            phase: Phase::Starting,
+            reversed: false,
+            time: 0.0,
+            until: None,
+            wall_time_s: 0.0,
+            setup_time_s: None,
+            time_rate: None,
+            time_rate_limit: None,
+            collisions_per_wall_second: None,
+            time_left_s: None,
+            counts: Counts::default(),
+            temperature: None,
+            kinetic_energy: 0.0,
+            pressure: Pressure::default(),
+            compressibility_factor: None,
+            collision_rate: None,
+            pair_rate: None,
+            wall_rate: None,
+            mean_free_path: None,
+            expected: Expected::default(),
+            energy_drift: None,
+            momentum_drift: None,
+            virial_residual: None,
+            max_overlap: None,
+            speeds: None,
+            queue_length: 0,
+            queue_length_max: 0,
+            peak_rss_bytes: None,
+            state_hash: Some(0xab),
+            history: Arc::default(),
+            sample: None,
+        }
+    }
+
+    fn written(snapshot: &Snapshot, exit: &Exit) -> String {
+        let mut bytes = Vec::new();
+        Summary::new(snapshot, exit)
+            .write(&mut bytes)
+            .expect("memory takes all");
+        String::from_utf8(bytes).expect("text")
+    }
+
+    #[test]
+    fn what_does_not_exist_yet_is_null() {
+        let json: serde_json::Value =
+            serde_json::from_str(&written(&young(), &Exit::Signal(15))).expect("JSON");
+        for key in [
+            "temperature",
+            "setup_time_s",
+            "speeds",
+            "max_overlap",
+            "collisions_per_wall_second",
+            "mean_free_path",
+        ] {
+            assert!(
+                json.get(key).is_some_and(serde_json::Value::is_null),
+                "{key}"
+            );
+        }
+        assert!(json["pressure"]["wall"].is_null());
+        assert_eq!(
+            (json["exit"].as_str(), json["state_hash"].as_str()),
+            (Some("signal 15"), Some("00000000000000ab"))
+        );
+    }
+
+    #[test]
+    fn a_histogram_takes_one_line() {
+        let speeds = Speeds {
+            bin_width: 0.5,
+            counts: vec![1, 2],
+            maxwell: vec![0.5, 2.5],
+            ks: 0.1,
+            ks_critical: 0.2,
+        };
+        let snapshot = Snapshot {
+            speeds: Some(Arc::new(speeds)),
+            ..young()
+        };
+        assert!(
+            written(&snapshot, &Exit::Quit)
+                .contains("      \"counts\": [1,2],\n      \"maxwell\": [0.5,2.5]\n")
+        );
+    }
+
+    #[test]
+    fn a_failure_outweighs_a_signal_and_has_its_own_exit_code() {
+        let failed = Snapshot {
+            phase: Phase::Failed("a bug".to_owned()),
+            ..young()
+        };
+        let exit = Exit::of(&failed, Exit::Signal(15));
+        assert_eq!((exit.code(), exit.words()), (1, "failed: a bug".to_owned()));
+        assert_eq!(Exit::of(&young(), Exit::Signal(15)).code(), 143);
+    }
+
+    #[test]
+    fn the_lines_for_people_have_a_dash_for_what_does_not_exist() {
+        assert!(for_people(&young(), &Exit::Quit).contains("temperature       –\n"));
+    }
 }

@@ -443,14 +443,40 @@ fn help_names_every_command_and_shows_examples() {
     );
 }
 
+fn source(name: &str) -> String {
+    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(name)).expect("the file")
+}
+
 #[test]
-fn the_readme_and_the_ci_script_run_the_same_tests() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let [readme, ci] =
-        ["README.md", ".ci/run"].map(|name| fs::read_to_string(root.join(name)).expect("the file"));
-    let command = "cargo test --release";
-    assert!(
-        readme.lines().any(|line| line.trim() == command)
-            && ci.lines().any(|line| line.trim() == command)
-    );
+fn the_readme_has_the_one_command_that_the_ci_script_runs_as_tests() {
+    let readme = source("README.md");
+    let commands = readme.lines().filter(|line| line.starts_with("cargo test"));
+    assert_eq!(commands.count(), 1);
+    assert!(source(".ci/run").contains("grep -E '^cargo test' README.md"));
+}
+
+#[test]
+fn the_scene_in_the_readme_is_a_good_one() {
+    let readme = source("README.md");
+    let scene = readme
+        .split("```toml\n")
+        .nth(1)
+        .and_then(|rest| rest.split("```").next())
+        .expect("a scene");
+    let scene = Scene::parse(Path::new("README.md"), scene).expect("a good scene");
+    assert_eq!(scene.named_balls(), [("pollen".to_owned(), 704_969)]);
+}
+
+#[test]
+fn the_readme_names_every_option() {
+    let readme = source("README.md");
+    let directory = directory();
+    let help = text(&output(&directory, &["run", "--help"]).stdout);
+    for option in help
+        .split_whitespace()
+        .filter(|word| word.starts_with("--") && word.len() > 3 && *word != "--help")
+    {
+        let option = option.trim_end_matches([',', '.']);
+        assert!(readme.contains(&format!("`{option}")), "{option}");
+    }
 }

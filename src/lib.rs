@@ -5,7 +5,7 @@
 //! Imports point downwards only; `tests/layers.rs` reads the sources and fails when one does not.
 //!
 //! * **Screen** (`tui`) sees [`feed`] and [`snapshot`], never an engine.
-//! * **Edges** ([`scene`], [`worker`], `headless`, `summary`, ...) own files, threads, signals and the wall clock.
+//! * **Edges** ([`scene`], [`worker`], [`headless`], [`summary`], ...) own files, threads, signals and the wall clock.
 //! * **Physics** ([`collision`], [`state`], [`engine`], [`observe`], ...) is pure: it knows no clock, file, thread or screen.
 //!
 //! # Invariants
@@ -35,10 +35,18 @@ pub mod time;
 pub mod units;
 
 // Edges.
+pub mod check;
+pub mod cli;
 pub mod feed;
+pub mod headless;
 pub mod history;
+pub mod output;
+pub mod quantity;
+pub mod run;
 pub mod scene;
+pub mod signals;
 pub mod snapshot;
+pub mod summary;
 pub mod worker;
 
 // Screen.

@@ -1,0 +1,113 @@
+//! A run without a screen: waits for its end and says on stderr how far it is.
+//!
+//! On a terminal one line is rewritten; elsewhere a plain line appears every few seconds.
+
+use std::io::{self, IsTerminal, Write};
+use std::time::{Duration, Instant};
+
+use crate::feed::Feed;
+use crate::quantity::{Quantity, duration, plain, quantity};
+use crate::signals::Signals;
+use crate::snapshot::{Phase, Snapshot};
+use crate::summary::Exit;
+
+/// How often the run is looked at.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Time between two states of the line on a terminal.
+const REWRITE: Duration = Duration::from_millis(250);
+
+/// Time between two plain lines.
+const NEXT_LINE: Duration = Duration::from_secs(5);
+
+/// Waits until the run ends or a signal arrives, whichever comes first.
+pub fn wait(feed: &dyn Feed, signals: &Signals) -> Exit {
+    let mut progress = Progress::new();
+    loop {
+        let snapshot = feed.latest();
+        let exit = match &snapshot.phase {
+            Phase::Finished => Some(Exit::Finished),
+            Phase::Failed(why) => Some(Exit::Failed(why.clone())),
+            _ => signals.received().map(Exit::Signal),
+        };
+        if let Some(exit) = exit {
+            progress.clear();
+            return exit;
+        }
+        progress.show(&snapshot);
+        std::thread::sleep(LOOK);
+    }
+}
+
+struct Progress {
+    on_terminal: bool,
+    last: Option<Instant>,
+}
+
+impl Progress {
+    fn new() -> Self {
+        Self {
+            on_terminal: io::stderr().is_terminal(),
+            last: None,
+        }
+    }
+
+    fn show(&mut self, snapshot: &Snapshot) {
+        let pause = if self.on_terminal { REWRITE } else { NEXT_LINE };
+        if self.last.is_some_and(|last| last.elapsed() < pause) {
+            return;
+        }
+        self.last = Some(Instant::now());
+        let line = line(snapshot);
+        if self.on_terminal {
+            // A line that wraps cannot be rewritten.
+            let width = crossterm::terminal::size().map_or(80, |(width, _)| usize::from(width));
+            let line: String = line.chars().take(width.saturating_sub(1)).collect();
+            let _ = write!(io::stderr(), "\r\x1b[K{line}");
+        } else {
+            let _ = writeln!(io::stderr(), "{line}");
+        }
+    }
+
+    fn clear(&self) {
+        if self.on_terminal && self.last.is_some() {
+            let _ = write!(io::stderr(), "\r\x1b[K");
+        }
+    }
+}
+
+fn line(snapshot: &Snapshot) -> String {
+    let units = snapshot.scene.units;
+    if snapshot.phase == Phase::Starting {
+        return format!("starting with {} balls", snapshot.scene.ball_count);
+    }
+    let time = quantity(snapshot.time, Quantity::Time, units);
+    let mut parts = vec![match snapshot.until {
+        Some(until) => {
+            let share = 100.0 * snapshot.time / until;
+            format!(
+                "{time} of {} ({share:.2} %)",
+                quantity(until, Quantity::Time, units)
+            )
+        }
+        None => time,
+    }];
+    if let Some(rate) = snapshot.collisions_per_wall_second {
+        parts.push(format!("{} collisions/s", plain(rate)));
+    }
+    if let Some((low, high)) = snapshot.time_left_s {
+        let (low, high) = (duration(low), duration(high));
+        parts.push(if low == high {
+            format!("{low} left")
+        } else {
+            format!("{low} to {high} left")
+        });
+    }
+    if let Some(pressure) = snapshot.pressure.wall {
+        parts.push(format!(
+            "P {}",
+            quantity(pressure, Quantity::Pressure, units)
+        ));
+    }
+    parts.join("  ")
+}

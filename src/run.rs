@@ -1,0 +1,172 @@
+//! One run from its options to its files, whether a screen watches it or not.
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::sync::mpsc;
+use std::time::Instant;
+
+use crate::check::Report;
+use crate::cli::RunOptions;
+use crate::error::{Error, Result};
+use crate::feed::{Command, Feed};
+use crate::output::{SeriesWriter, Target, write_state};
+use crate::scene::Scene;
+use crate::state::Placement;
+use crate::summary::{Exit, Summary, for_people};
+use crate::worker::{LocalFeed, Options, Worker};
+
+/// A run that could start: the scene is good, its balls are placed, its outputs can be written.
+pub struct Prepared {
+    scene: Scene,
+    placement: Placement,
+    outputs: Outputs,
+    /// What is known of the run before it starts.
+    pub report: Report,
+}
+
+struct Outputs {
+    summary: Option<Target>,
+    series: Option<Target>,
+    state: Option<Target>,
+}
+
+/// A run that is going on.
+pub struct Run {
+    worker: Worker,
+    summary: Option<Target>,
+    series: Option<SeriesWriter>,
+    state: Option<Target>,
+}
+
+/// The scene of the command line: a file, or the embedded one.
+///
+/// # Errors
+/// [`Error::Scene`] when the file does not make a scene.
+pub fn load(path: Option<&PathBuf>) -> Result<Scene> {
+    path.map_or_else(|| Ok(Scene::oxygen()), |path| Scene::load(path))
+}
+
+impl Prepared {
+    /// Reads, checks and places the scene, and checks the outputs; writes nothing.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] for the scene, [`Error::Usage`] for the outputs.
+    pub fn new(options: &RunOptions) -> Result<Self> {
+        let outputs = Outputs::new(options)?;
+        let mut scene = load(options.scene.as_ref())?;
+        scene.seed = options.seed.unwrap_or(scene.seed);
+        scene.until = options.until.or(scene.until);
+        scene.sample = options.sample.unwrap_or(scene.sample);
+        let placement = scene.place()?;
+        let report = Report::new(&scene, &placement, scene.until);
+        Ok(Self {
+            scene,
+            placement,
+            outputs,
+            report,
+        })
+    }
+
+    /// Starts the engine.
+    ///
+    /// # Errors
+    /// [`Error::File`] when the series cannot be opened any more.
+    pub fn start(self, program_start: Instant) -> Result<Run> {
+        let Outputs {
+            summary,
+            series,
+            state,
+        } = self.outputs;
+        let (sender, series) = match series {
+            Some(target) => {
+                let (sender, receiver) = mpsc::channel();
+                (Some(sender), Some(SeriesWriter::start(target, receiver)?))
+            }
+            None => (None, None),
+        };
+        let options = Options {
+            until: self.scene.until,
+            series: sender,
+            program_start,
+        };
+        let worker = Worker::start(&self.scene, self.placement, options);
+        Ok(Run {
+            worker,
+            summary,
+            series,
+            state,
+        })
+    }
+}
+
+impl Outputs {
+    fn new(options: &RunOptions) -> Result<Self> {
+        let paths = [&options.summary, &options.series, &options.state];
+        for (index, path) in paths.iter().enumerate() {
+            if path.is_some() && paths[..index].contains(path) {
+                return Err(Error::Usage(
+                    "two outputs have the same name: each needs its own".to_owned(),
+                ));
+            }
+        }
+        let target = |path: &Option<PathBuf>| {
+            path.as_ref()
+                .map(|path| Target::new(path, options.force))
+                .transpose()
+        };
+        let [summary, series, state] = paths.map(target);
+        Ok(Self {
+            summary: summary?,
+            series: series?,
+            state: state?,
+        })
+    }
+}
+
+impl Run {
+    /// The run as watchers see it.
+    pub fn feed(&self) -> LocalFeed {
+        self.worker.feed()
+    }
+
+    /// Stops the engine if it still runs, writes every output, and says on stderr how the run went.
+    ///
+    /// # Errors
+    /// The first output that could not be written; the others are written all the same.
+    pub fn finish(self, exit: Exit) -> Result<Exit> {
+        self.worker.feed().send(Command::Stop);
+        let outcome = self.worker.join();
+        let exit = Exit::of(&outcome.snapshot, exit);
+        let mut written = Vec::new();
+        if let Some(target) = self.summary {
+            let summary = Summary::new(&outcome.snapshot, &exit);
+            written.push(target.write(|writer| summary.write(writer)));
+        }
+        // The worker is gone, and with it the sender of rows.
+        written.extend(self.series.map(SeriesWriter::finish));
+        if let Some(target) = self.state {
+            written.push(match &outcome.balls {
+                Some((balls, collisions)) => {
+                    target.write(|writer| write_state(writer, balls, collisions))
+                }
+                None => Err(Error::Engine(
+                    "the engine failed, so there is no state to write".to_owned(),
+                )),
+            });
+        }
+        say(for_people(&outcome.snapshot, &exit).trim_end());
+        // Of several failures the last is returned and reported by the caller, the others are said here.
+        let mut failure = None;
+        for error in written.into_iter().filter_map(Result::err) {
+            if let Some(earlier) = failure.replace(error) {
+                say(&format!("moltop: {earlier}"));
+            }
+        }
+        failure.map_or(Ok(exit), Err)
+    }
+}
+
+/// A line on stderr; when nobody listens there, there is nobody to tell.
+pub fn say(words: &str) {
+    let _ = writeln!(io::stderr(), "{words}");
+}

@@ -1,0 +1,173 @@
+//! The layers hold: physics knows no clock, file, thread or screen, and the screen sees only feed, snapshot and error.
+//!
+//! The sources are read as text; comments and the unit tests at a file's end do not count.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Modules of the physics; each is a file, a directory, or both.
+const PHYSICS: [&str; 9] = [
+    "calendar",
+    "cell_list",
+    "collision",
+    "domain",
+    "engine",
+    "event",
+    "observe",
+    "state",
+    "sum",
+];
+
+/// What physics may not name: the world outside.
+const WORLD: [&str; 5] = ["fs", "net", "io", "time", "thread"];
+
+/// What the screen may name of the crate, beside itself.
+const SEEN_BY_SCREEN: [&str; 4] = ["tui", "feed", "snapshot", "error"];
+
+fn sources(module: &str) -> Vec<PathBuf> {
+    let file = Path::new("src").join(module).with_extension("rs");
+    let mut found: Vec<PathBuf> = file.is_file().then_some(file).into_iter().collect();
+    let mut directories = vec![Path::new("src").join(module)];
+    while let Some(directory) = directories.pop() {
+        let Ok(entries) = fs::read_dir(directory) else {
+            continue;
+        };
+        for entry in entries {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                directories.push(path)
+            } else {
+                found.push(path)
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// The code of a file without comments and unit tests.
+fn code(path: &Path) -> String {
+    let text = fs::read_to_string(path).expect("a readable source");
+    without_comments(text.split("#[cfg(test)]").next().unwrap_or_default())
+}
+
+fn without_comments(text: &str) -> String {
+    let code = text
+        .lines()
+        .map(|line| line.split("//").next().unwrap_or_default());
+    code.collect::<Vec<_>>().join("\n")
+}
+
+/// Modules below `root` (`crate`, `std`) that the code names, through paths and through `use` groups.
+fn named_below(code: &str, root: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    for (offset, found) in code.match_indices(&format!("{root}::")) {
+        let before = code[..offset].chars().next_back();
+        if before.is_some_and(|letter| letter.is_alphanumeric() || letter == '_') {
+            continue;
+        }
+        let rest = &code[offset + found.len()..];
+        if let Some(group) = rest.strip_prefix('{') {
+            names.extend(group_heads(group));
+        } else {
+            names.push(identifier(rest));
+        }
+    }
+    names
+}
+
+/// First names of the members of a `use` group; nested groups belong to their member.
+fn group_heads(group: &str) -> Vec<String> {
+    let (mut depth, mut heads, mut member) = (0, Vec::new(), String::new());
+    for letter in group.chars() {
+        match letter {
+            '{' => depth += 1,
+            '}' if depth == 0 => break,
+            '}' => depth -= 1,
+            ',' if depth == 0 => heads.push(std::mem::take(&mut member)),
+            _ if depth == 0 => member.push(letter),
+            _ => {}
+        }
+    }
+    heads.push(member);
+    heads
+        .iter()
+        .map(|member| identifier(member.trim_start()))
+        .filter(|name| !name.is_empty())
+        .collect()
+}
+
+fn identifier(text: &str) -> String {
+    text.chars()
+        .take_while(|letter| letter.is_alphanumeric() || *letter == '_')
+        .collect()
+}
+
+#[test]
+fn physics_imports_physics_only() {
+    let mut broken = Vec::new();
+    for path in PHYSICS.iter().flat_map(|module| sources(module)) {
+        let code = code(&path);
+        for name in named_below(&code, "crate") {
+            if !PHYSICS.contains(&name.as_str()) {
+                broken.push(format!("{} names crate::{name}", path.display()));
+            }
+        }
+        for name in named_below(&code, "std") {
+            if WORLD.contains(&name.as_str()) {
+                broken.push(format!("{} names std::{name}", path.display()));
+            }
+        }
+    }
+    assert_eq!(broken, [] as [String; 0]);
+}
+
+#[test]
+fn physics_stands_on_std_glam_and_libm_alone() {
+    let manifest = fs::read_to_string("Cargo.toml").expect("the manifest");
+    let dependencies = manifest
+        .split("[dependencies]")
+        .nth(1)
+        .expect("a table")
+        .split("\n[")
+        .next()
+        .expect("its lines");
+    let crates: Vec<String> = (dependencies.lines())
+        .filter_map(|line| line.split_once('='))
+        .map(|(name, _)| name.trim().replace('-', "_"))
+        .filter(|name| !["glam", "libm"].contains(&name.as_str()) && !name.starts_with('#'))
+        .collect();
+    assert!(
+        crates.contains(&"serde_json".to_owned()),
+        "the manifest was read"
+    );
+    for path in PHYSICS.iter().flat_map(|module| sources(module)) {
+        let code = code(&path);
+        let foreign: Vec<&String> = crates
+            .iter()
+            .filter(|name| !named_below(&code, name).is_empty())
+            .collect();
+        assert!(foreign.is_empty(), "{} names {foreign:?}", path.display());
+    }
+}
+
+#[test]
+fn the_screen_sees_feed_snapshot_and_error_only() {
+    let mut broken = Vec::new();
+    for path in sources("tui") {
+        for name in named_below(&code(&path), "crate") {
+            if !SEEN_BY_SCREEN.contains(&name.as_str()) {
+                broken.push(format!("{} names crate::{name}", path.display()));
+            }
+        }
+    }
+    assert_eq!(broken, [] as [String; 0]);
+}
+
+#[test]
+fn imports_are_found_in_paths_and_in_groups() {
+    let code = without_comments(
+        "use crate::{state::{Body, Time}, feed}; // crate::comment\nlet x = crate::tui::run(my_crate::y);",
+    );
+    assert_eq!(named_below(&code, "crate"), ["state", "feed", "tui"]);
+}

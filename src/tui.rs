@@ -26,7 +26,7 @@ use app::App;
 use terminal::Screen;
 
 /// How the dashboard is to look.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
     /// 7-bit characters only.
     pub ascii: bool,

@@ -43,7 +43,9 @@ pub fn plain(value: f64, digits: usize) -> String {
     match decimal(value, digits) {
         None => MISSING.into(),
         Some((_, exponent)) if (-3..6).contains(&exponent) => {
-            let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
+            let decimals = digits
+                .saturating_sub(1)
+                .saturating_add_signed(-exponent as isize);
             format!("{value:.decimals$}")
         }
         Some(_) => scientific(value, digits),

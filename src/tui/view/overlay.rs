@@ -35,7 +35,8 @@ pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
 }
 
 /// What the marks on the screen mean.
-const MARKS: [&str; 4] = [
+const MARKS: [&str; 5] = [
+    "290.0 ps per s: simulated time per second on your clock",
     "theory +1.0σ: difference in standard errors",
     "o  Maxwell's curve   KS: Kolmogorov-Smirnov distance",
     "tagged molecules leave trails, at any depth",

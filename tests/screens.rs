@@ -19,7 +19,7 @@ use ratatui::layout::Rect;
 use fake::{Random, oxygen, running, small_gas, starting};
 
 /// A dashboard that has watched a run for some frames, so that trails exist.
-fn watching(phase: Phase, reversed: bool) -> App {
+fn watching(phase: &Phase, reversed: bool) -> App {
     let mut app = App::new(Arc::new(running(oxygen(), 0)), false);
     for frame in 1..12 {
         let mut snapshot = running(oxygen(), frame);
@@ -64,7 +64,7 @@ fn a_run_that_has_just_begun() {
 
 #[test]
 fn a_running_run_at_every_layout() {
-    let app = watching(Phase::Running, false);
+    let app = watching(&Phase::Running, false);
     for (width, height) in [(80, 24), (40, 12), (60, 30), (120, 40), (200, 60)] {
         golden("running", &app, width, height);
     }
@@ -72,45 +72,45 @@ fn a_running_run_at_every_layout() {
 
 #[test]
 fn a_paused_run() {
-    golden("paused", &watching(Phase::Paused, false), 80, 24);
+    golden("paused", &watching(&Phase::Paused, false), 80, 24);
 }
 
 #[test]
 fn a_reversed_run() {
-    golden("reversed", &watching(Phase::Running, true), 80, 24);
+    golden("reversed", &watching(&Phase::Running, true), 80, 24);
 }
 
 #[test]
 fn a_finished_run() {
-    golden("finished", &watching(Phase::Finished, false), 80, 24);
+    golden("finished", &watching(&Phase::Finished, false), 80, 24);
 }
 
 #[test]
 fn a_failed_run_says_why_in_full() {
     let why = "balls 3121 and 55120 overlap by 1.2e-3 of the contact distance at t = 12.48 ns, \
                more than round-off explains; this is a fault of the engine, please report it with the scene file";
-    let app = watching(Phase::Failed(why.into()), false);
+    let app = watching(&Phase::Failed(why.into()), false);
     golden("failed", &app, 80, 24);
     golden("failed", &app, 40, 12);
 }
 
 #[test]
 fn the_help() {
-    let mut app = watching(Phase::Running, false);
+    let mut app = watching(&Phase::Running, false);
     press(&mut app, KeyCode::Char('?'));
     golden("help", &app, 80, 24);
 }
 
 #[test]
 fn the_question_before_leaving() {
-    let mut app = watching(Phase::Running, false);
+    let mut app = watching(&Phase::Running, false);
     press(&mut app, KeyCode::Char('q'));
     golden("question", &app, 80, 24);
 }
 
 #[test]
 fn a_frozen_screen_rests_while_the_run_goes_on() {
-    let mut app = watching(Phase::Running, false);
+    let mut app = watching(&Phase::Running, false);
     press(&mut app, KeyCode::Char('f'));
     let before = screen(&app, 80, 24);
     assert!(!app.observe(Arc::new(running(oxygen(), 90))));
@@ -120,7 +120,7 @@ fn a_frozen_screen_rests_while_the_run_goes_on() {
 
 #[test]
 fn the_whole_depth() {
-    let mut app = watching(Phase::Running, false);
+    let mut app = watching(&Phase::Running, false);
     press(&mut app, KeyCode::Char('v'));
     assert_eq!(app.mode, Mode::Depth);
     golden("depth", &app, 120, 40);
@@ -135,19 +135,19 @@ fn large_balls_in_reduced_units() {
 #[test]
 fn seven_bits_are_enough() {
     for (width, height) in [(80, 24), (120, 40), (40, 12)] {
-        let mut app = watching(Phase::Running, false);
+        let mut app = watching(&Phase::Running, false);
         app.ascii = true;
         let text = screen(&app, width, height);
         assert!(text.is_ascii(), "{text}");
     }
-    let mut app = watching(Phase::Running, false);
+    let mut app = watching(&Phase::Running, false);
     app.ascii = true;
     golden("ascii", &app, 80, 24);
 }
 
 #[test]
 fn a_small_window_says_what_it_needs() {
-    let app = watching(Phase::Running, false);
+    let app = watching(&Phase::Running, false);
     assert!(screen(&app, 30, 8).contains("moltop needs 40x12, has 30x8"));
 }
 
@@ -207,7 +207,7 @@ fn no_size_and_no_key_ends_in_a_panic() {
         ])
         .collect();
     let mut random = Random(3);
-    let failed = watching(Phase::Failed("because".into()), false);
+    let failed = watching(&Phase::Failed("because".into()), false);
     let apps = [
         App::new(Arc::new(starting(oxygen())), false),
         App::new(Arc::new(running(small_gas(), 0)), true),
@@ -227,14 +227,14 @@ fn no_size_and_no_key_ends_in_a_panic() {
 
 #[test]
 fn an_area_beyond_the_buffer_is_cut() {
-    let app = watching(Phase::Running, false);
+    let app = watching(&Phase::Running, false);
     let mut buffer = Buffer::empty(Rect::new(0, 0, 50, 14));
     view::draw(&app, Rect::new(10, 5, 200, 60), &mut buffer);
 }
 
 #[test]
 fn space_pauses_and_resumes_also_faster_than_the_run_answers() {
-    let mut app = watching(Phase::Running, false);
+    let mut app = watching(&Phase::Running, false);
     assert_eq!(press(&mut app, KeyCode::Char(' ')).1, [Command::Pause]);
     assert_eq!(press(&mut app, KeyCode::Char(' ')).1, [Command::Resume]);
     app.observe(Arc::new(Snapshot {
@@ -246,7 +246,7 @@ fn space_pauses_and_resumes_also_faster_than_the_run_answers() {
 
 #[test]
 fn the_ceiling_starts_at_the_present_rate_and_is_lifted_above_the_highest_useful_one() {
-    let mut app = watching(Phase::Running, false); // at 0.29 ns per second
+    let mut app = watching(&Phase::Running, false); // at 0.29 ns per second
     assert_eq!(press(&mut app, KeyCode::Char('.')).1, []);
     let ceiling = |rate| [Command::LimitTimeRate(rate)];
     assert_eq!(press(&mut app, KeyCode::Char(',')).1, ceiling(Some(2e-10)));
@@ -257,7 +257,7 @@ fn the_ceiling_starts_at_the_present_rate_and_is_lifted_above_the_highest_useful
 
 #[test]
 fn leaving_a_run_that_goes_on_needs_a_yes() {
-    let mut app = watching(Phase::Running, false);
+    let mut app = watching(&Phase::Running, false);
     assert_eq!(press(&mut app, KeyCode::Char('q')).0, None);
     assert_eq!(press(&mut app, KeyCode::Esc).0, None);
     assert_eq!(app.overlay, None);
@@ -268,15 +268,15 @@ fn leaving_a_run_that_goes_on_needs_a_yes() {
 
 #[test]
 fn leaving_a_finished_run_needs_no_yes() {
-    let mut app = watching(Phase::Finished, false);
+    let mut app = watching(&Phase::Finished, false);
     assert_eq!(press(&mut app, KeyCode::Char('q')).0, Some(Leave::Quit));
-    let mut app = watching(Phase::Failed("because".into()), false);
+    let mut app = watching(&Phase::Failed("because".into()), false);
     assert_eq!(press(&mut app, KeyCode::Char('q')).0, Some(Leave::Quit));
 }
 
 #[test]
 fn control_c_leaves_at_once() {
-    let mut app = watching(Phase::Running, false);
+    let mut app = watching(&Phase::Running, false);
     let key = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
     assert_eq!(app.press(key, &mut |_| {}), Some(Leave::Quit));
 }

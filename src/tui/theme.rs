@@ -65,7 +65,7 @@ pub const UNICODE: Glyphs = Glyphs {
     depth: ['·', '∙', '•'],
     disc: ['░', '▒', '▓'],
     tags: ['◉', '◎', '◆', '◇', '▲'],
-    trail: '‥',
+    trail: '◦',
     edge: ['‾', '─', '_', '│', '╱', '╲'],
 };
 

@@ -139,7 +139,12 @@ mod tests {
         ];
         for _ in 0..60 {
             let text = ["a", "µ•", "水", "12 3", "▅▅"][random(5) as usize];
-            let (x, y) = (random(40) as u16, random(6) as u16);
+            // Wide characters keep to a row of their own, lest one covers half of another.
+            let (x, y) = if text == "水" {
+                (2 * random(20) as u16, 0)
+            } else {
+                (random(40) as u16, 1 + random(5) as u16)
+            };
             buffer.set_stringn(x, y, text, usize::from(40 - x), looks[random(4) as usize]);
         }
         buffer

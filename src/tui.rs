@@ -88,7 +88,9 @@ fn watch(
     let mut pause = FRAME;
     loop {
         if stop.load(Ordering::SeqCst) {
-            return Ok(Leave::Signal);
+            // The signal may be the one that says that the terminal is gone.
+            let gone = screen.wait(Duration::ZERO).is_none();
+            return Ok(if gone { Leave::HangUp } else { Leave::Signal });
         }
         let now_size = screen.size();
         urgent |= std::mem::replace(&mut size, now_size) != now_size;

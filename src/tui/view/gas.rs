@@ -72,7 +72,12 @@ fn words(portion: &Portion, snapshot: &Snapshot, room: u16) -> String {
         ..10.0 => format!("1 in {:.1}", portion.one_in),
         many => {
             let power = 10_f64.powf(many.log10().floor() - 1.0);
-            format!("1 in {}", count(((many / power).round() * power) as u64))
+            let rounded = ((many / power).round() * power) as u64;
+            if rounded < 10_000 {
+                format!("1 in {rounded}")
+            } else {
+                format!("1 in {}", count(rounded))
+            }
         }
     };
     let depth = portion.slab.map_or("whole depth".into(), |slab| {

@@ -94,7 +94,14 @@ fn show(name: &str, lines: &[String], style: Style, area: Rect, buffer: &mut Buf
         width: inner.width.saturating_sub(2),
         ..inner
     };
-    for (row, line) in lines.iter().enumerate() {
+    let rows = usize::from(text.height);
+    for (row, line) in lines.iter().take(rows).enumerate() {
+        let cut = row + 1 == rows && lines.len() > rows;
+        let line = if cut {
+            "(more in a larger window)"
+        } else {
+            line
+        };
         put(buffer, text, (0, row as u16), line, style);
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! * **Screen** (`tui`) sees [`feed`] and [`snapshot`], never an engine.
 //! * **Edges** ([`scene`], [`worker`], `headless`, `summary`, ...) own files, threads, signals and the wall clock.
-//! * **Physics** (`collision`, [`state`], `engine`, `observe`, ...) is pure: it knows no clock, file, thread or screen.
+//! * **Physics** ([`collision`], [`state`], [`engine`], [`observe`], ...) is pure: it knows no clock, file, thread or screen.
 //!
 //! # Invariants
 //!
@@ -22,11 +22,19 @@
 pub mod error;
 
 // Physics.
+pub mod calendar;
+pub mod cell_list;
+pub mod collision;
 pub mod domain;
+pub mod engine;
+pub mod event;
+pub mod observe;
 pub mod state;
+pub mod sum;
 
 // Edges.
 pub mod feed;
+pub mod history;
 pub mod scene;
 pub mod snapshot;
 pub mod worker;

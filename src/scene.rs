@@ -1,13 +1,41 @@
 //! Scenes: what the user wrote, checked, and the balls placed.
+//!
+//! [`Scene::load`] and [`Scene::parse`] doubt every value once; what comes out of [`Scene::place`] is finite, inside the
+//! domain and free of overlaps, so nothing behind it doubts again.
 
-use std::path::Path;
+mod contact_grid;
+mod format;
+mod memory;
+mod placement;
+mod reader;
+mod site;
+mod table;
+
+pub mod analysis;
+
+pub use memory::BYTES_PER_BALL;
+pub use site::Cell;
+pub use table::Rows;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
 use crate::domain::Domain;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::snapshot::{SceneCard, Units};
 use crate::state::Placement;
+
+/// The scene that runs when none is named: a cube of oxygen near standard conditions.
+pub const OXYGEN: &str = include_str!("../configs/oxygen.toml");
+
+/// How the embedded scene is called in messages.
+pub const OXYGEN_NAME: &str = "configs/oxygen.toml";
+
+/// Largest scene file \[bytes\]; more balls than fit belong into a CSV file.
+const LARGEST_FILE: u64 = 64 << 20;
 
 /// A scene that has been checked: every value behind this door is good.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,34 +54,178 @@ pub struct Scene {
     pub until: Option<f64>,
     /// Simulated time between two rows of the series.
     pub sample: f64,
+    /// Balls that come in numbers, in the order of the file.
+    pub species: Vec<Species>,
+    /// Balls that the scene lists one by one; they come after all species.
+    pub balls: Vec<Ball>,
+    /// The scene file, for messages.
+    pub path: PathBuf,
     /// The scene file's text as it was read.
     pub source: String,
 }
 
+/// Balls alike in radius, mass and the rule that places them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Species {
+    /// Name, for messages.
+    pub name: Option<String>,
+    /// Number of balls.
+    pub count: usize,
+    /// Radius of each \[length\]; `None` takes it from the rows of the file that places them.
+    pub radius: Option<f64>,
+    /// Mass of each \[mass\]; `None` takes it from the rows of the file that places them.
+    pub mass: Option<f64>,
+    /// Where the balls start.
+    pub sites: Sites,
+    /// How fast the balls start; `None` takes it from the rows of the file that places them.
+    pub velocities: Option<Velocities>,
+    /// Line of the scene file, for messages.
+    pub line: usize,
+}
+
+/// Where the balls of a species start.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sites {
+    /// The sites of a lattice centred in the domain.
+    Lattice {
+        /// The lattice's cell.
+        cell: Cell,
+        /// Edge of a cell \[length\]; `None` fills the domain.
+        spacing: Option<f64>,
+    },
+    /// One after the other at random where there is room (random sequential insertion).
+    Random,
+    /// The rows of a CSV file.
+    Rows(Rows),
+}
+
+/// How fast the balls of a species start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Velocities {
+    /// Maxwell's distribution: each component normal with variance `k T / m`.
+    Maxwell {
+        /// Temperature \[K, or energy in reduced units\].
+        temperature: f64,
+    },
+    /// Each component normal.
+    Normal {
+        /// Standard deviation of a component \[speed\].
+        deviation: f64,
+    },
+    /// One speed, all directions alike.
+    Speed {
+        /// The speed.
+        value: f64,
+    },
+    /// At rest.
+    Rest,
+}
+
+/// A ball that the scene lists by itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ball {
+    /// Name, which also tags the ball on screen.
+    pub name: Option<String>,
+    /// Position in the scene's coordinates \[length\].
+    pub position: DVec3,
+    /// Velocity.
+    pub velocity: DVec3,
+    /// Radius \[length\].
+    pub radius: f64,
+    /// Mass \[mass\].
+    pub mass: f64,
+    /// Line of the scene file, for messages.
+    pub line: usize,
+}
+
 impl Scene {
-    /// Reads a scene from the text of a file; `path` is for messages.
+    /// Reads a scene from a file.
     ///
     /// # Errors
-    /// [`crate::error::Error::Scene`] with one line per fault.
-    pub fn parse(_path: &Path, _text: &str) -> Result<Self> {
-        unimplemented!("lands with the scene format")
+    /// [`Error::Scene`] when the file cannot be read, is not text, is longer than 64 MiB, or does not make a scene.
+    pub fn load(path: &Path) -> Result<Self> {
+        let refuse = |words: String| Error::Scene(vec![format!("{}: {words}", path.display())]);
+        let mut bytes = Vec::new();
+        File::open(path)
+            .and_then(|file| file.take(LARGEST_FILE + 1).read_to_end(&mut bytes))
+            .map_err(|error| refuse(format!("cannot read: {error}")))?;
+        if bytes.len() as u64 > LARGEST_FILE {
+            let limit = LARGEST_FILE >> 20;
+            return Err(refuse(format!(
+                "size: more than the limit of {limit} MiB: put the balls into a CSV file, placement = {{ kind = \"file\", ... }}"
+            )));
+        }
+        if bytes.contains(&0) {
+            return Err(refuse(
+                "not a scene: it holds NUL bytes, so it is binary or UTF-16".to_owned(),
+            ));
+        }
+        let text = String::from_utf8(bytes).map_err(|error| {
+            refuse(format!(
+                "not text: byte {} is not UTF-8",
+                error.utf8_error().valid_up_to()
+            ))
+        })?;
+        Self::parse(path, &text)
+    }
+
+    /// The embedded scene: oxygen near standard conditions.
+    ///
+    /// # Panics
+    /// Never: a test reads the embedded scene.
+    pub fn oxygen() -> Self {
+        Self::parse(Path::new(OXYGEN_NAME), OXYGEN).expect("the embedded scene is a good scene")
+    }
+
+    /// Reads a scene from the text of a file; `path` is for messages, and files that the scene names are found beside it.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] with one line per fault.
+    pub fn parse(path: &Path, text: &str) -> Result<Self> {
+        format::parse(path, text).map_err(Error::Scene)
+    }
+
+    /// Number of balls.
+    pub fn ball_count(&self) -> usize {
+        self.species
+            .iter()
+            .map(|species| species.count)
+            .sum::<usize>()
+            + self.balls.len()
     }
 
     /// Places the balls: the only use of random numbers.
     ///
+    /// Species come in the order of the file, then the explicit balls. The same scene and seed give the same bits on every
+    /// machine.
+    ///
     /// # Errors
-    /// Balls that overlap, leave the container or do not fit in memory.
+    /// [`Error::Scene`] when balls overlap, leave the container or do not fit in memory.
     pub fn place(&self) -> Result<Placement> {
-        unimplemented!("lands with the scene format")
+        placement::place(self).map_err(Error::Scene)
     }
 
     /// Names of balls and their indices in the placement.
     pub fn named_balls(&self) -> Vec<(String, usize)> {
-        Vec::new()
+        let first = self.ball_count() - self.balls.len();
+        let balls = self.balls.iter().enumerate();
+        balls
+            .filter_map(|(offset, ball)| Some((ball.name.clone()?, first + offset)))
+            .collect()
     }
 
     /// What snapshots say of this scene.
-    pub fn card(&self, _placement: &Placement) -> SceneCard {
-        unimplemented!("lands with the scene format")
+    pub fn card(&self, placement: &Placement) -> SceneCard {
+        let radii = placement.bodies.iter().map(|body| body.radius);
+        SceneCard {
+            title: self.title.clone(),
+            units: self.units,
+            ball_count: placement.positions.len(),
+            packing_fraction: analysis::packing_fraction(placement),
+            size: (2.0 * self.domain.half_size()).to_array(),
+            center: self.center.to_array(),
+            radius: radii.fold(0.0, f64::max),
+            sample: self.sample,
+        }
     }
 }

@@ -1,12 +1,25 @@
 //! The engine's thread: commands in, newest snapshot out. The only place where simulation time meets the wall clock.
+//!
+//! The engine never waits for a watcher: it leaves its newest snapshot in a slot and goes on. It runs in slices of simulated
+//! time that take some milliseconds of wall time each, and looks for commands between them; where the slices end changes no
+//! trajectory, so the clock has no influence on the physics.
 
-use std::sync::{Arc, mpsc};
+mod measure;
+mod pace;
+mod run;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, Once, mpsc};
+use std::thread::{Builder, JoinHandle};
 use std::time::Instant;
 
 use crate::feed::{Command, Feed};
 use crate::scene::Scene;
-use crate::snapshot::{SeriesRow, Snapshot};
+use crate::snapshot::{Phase, SeriesRow, Snapshot};
 use crate::state::Placement;
+
+/// Name of the engine's thread; a panic there becomes an error on the screen instead of words on a terminal.
+const THREAD_NAME: &str = "engine";
 
 /// How a run is to be driven.
 pub struct Options {
@@ -22,40 +35,132 @@ pub struct Options {
 pub struct Outcome {
     /// The last snapshot; the summary is made from it.
     pub snapshot: Arc<Snapshot>,
-    /// All balls at the last instant in the scene's units and order, and the collisions of each; `None` if the engine failed.
+    /// All balls at the last instant in the scene's units and order, and the collisions of each; `None` if the engine panicked.
     pub balls: Option<(Placement, Vec<u64>)>,
 }
 
 /// A run on its own thread.
-pub struct Worker {}
+pub struct Worker {
+    feed: LocalFeed,
+    thread: JoinHandle<Option<(Placement, Vec<u64>)>>,
+}
 
 /// The feed of a run in this process.
 #[derive(Clone)]
-pub struct LocalFeed {}
+pub struct LocalFeed {
+    latest: Slot,
+    commands: mpsc::Sender<Command>,
+}
+
+/// Where the newest snapshot lies.
+#[derive(Clone)]
+struct Slot(Arc<Mutex<Arc<Snapshot>>>);
+
+impl Slot {
+    fn get(&self) -> Arc<Snapshot> {
+        Arc::clone(
+            &self
+                .0
+                .lock()
+                .expect("nothing panics while it holds the slot"),
+        )
+    }
+
+    fn put(&self, snapshot: Snapshot) {
+        *self
+            .0
+            .lock()
+            .expect("nothing panics while it holds the slot") = Arc::new(snapshot);
+    }
+}
 
 impl Worker {
     /// Starts a run; returns at once, with the first snapshot in phase `Starting`.
-    pub fn start(_scene: &Scene, _placement: Placement, _options: Options) -> Self {
-        unimplemented!("lands with the engine")
+    ///
+    /// # Panics
+    /// If the system gives the process no second thread.
+    pub fn start(scene: &Scene, placement: Placement, options: Options) -> Self {
+        quiet_engine_panics();
+        let (commands, inbox) = mpsc::channel();
+        let setting = run::Setting::new(scene, &placement, options);
+        let latest = Slot(Arc::new(Mutex::new(Arc::new(setting.first_snapshot()))));
+        let slot = latest.clone();
+        let body = move || {
+            let run = AssertUnwindSafe(|| run::run(&setting, placement, &inbox, &slot));
+            catch_unwind(run)
+                .map_err(|panic| slot.put(failed(&slot.get(), &panic)))
+                .ok()
+        };
+        let thread = Builder::new()
+            .name(THREAD_NAME.into())
+            .spawn(body)
+            .expect("a process that has just started can start a thread");
+        Self {
+            feed: LocalFeed { latest, commands },
+            thread,
+        }
     }
 
     /// The run as watchers see it.
     pub fn feed(&self) -> LocalFeed {
-        LocalFeed {}
+        self.feed.clone()
     }
 
     /// Waits for the run to end (after `Command::Stop`, when `until` is reached, or on failure).
     ///
     /// A run that has reached `until` ends by itself; its last snapshot has phase `Finished`.
+    ///
+    /// # Panics
+    /// Never: the engine's own panics end up in the last snapshot.
     pub fn join(self) -> Outcome {
-        unimplemented!("lands with the engine")
+        let balls = self
+            .thread
+            .join()
+            .expect("the engine's panics are caught on its thread");
+        Outcome {
+            snapshot: self.feed.latest(),
+            balls,
+        }
     }
 }
 
 impl Feed for LocalFeed {
     fn latest(&self) -> Arc<Snapshot> {
-        unimplemented!("lands with the engine")
+        self.latest.get()
     }
 
-    fn send(&self, _command: Command) {}
+    fn send(&self, command: Command) {
+        // A run that has ended obeys nothing, and nothing is lost by that.
+        let _ = self.commands.send(command);
+    }
+}
+
+/// The last snapshot of a run whose engine panicked.
+fn failed(last: &Snapshot, panic: &Box<dyn std::any::Any + Send>) -> Snapshot {
+    let words = panic
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or(panic.downcast_ref::<&str>().copied());
+    let reason = format!(
+        "the engine failed (a bug in moltop): {}",
+        words.unwrap_or("no message")
+    );
+    Snapshot {
+        phase: Phase::Failed(reason),
+        sequence: last.sequence + 1,
+        ..last.clone()
+    }
+}
+
+/// Keeps the panic of an engine thread off the terminal: the snapshot carries its words.
+fn quiet_engine_panics() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        let before = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            if std::thread::current().name() != Some(THREAD_NAME) {
+                before(panic);
+            }
+        }));
+    });
 }

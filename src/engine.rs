@@ -1,0 +1,52 @@
+//! Engines: what moves a [`crate::state::State`] forward in time.
+
+use crate::event::Participants;
+use crate::state::Time;
+
+pub mod event_driven;
+
+/// What an engine has counted since it was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Ball-ball collisions.
+    pub pair_collisions: u64,
+    /// Collisions with container walls.
+    pub wall_collisions: u64,
+    /// Balls reaching into a new cell.
+    pub cell_crossings: u64,
+    /// Queued collisions whose partner had changed course meanwhile.
+    pub stale_events: u64,
+    /// Collisions found only after their time; zero in a sound run that started without overlaps.
+    pub late_events: u64,
+    /// Collisions at the same instant as the collision before.
+    pub ties: u64,
+    /// Collisions of a ball at the same instant as its own collision before.
+    pub zero_time_events: u64,
+    /// Most events ever in the calendar.
+    pub queue_length_max: u64,
+}
+
+/// Why an engine cannot go on: a ball collides again and again without time passing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stuck {
+    /// When.
+    pub time: Time,
+    /// The collision that repeats.
+    pub participants: Participants,
+    /// How often the ball has collided at this instant.
+    pub repeats: u32,
+}
+
+impl std::fmt::Display for Stuck {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let who = match self.participants {
+            Participants::Pair(first, second) => format!("balls {first} and {second}"),
+            Participants::Wall(ball, _) => format!("ball {ball} and a wall"),
+        };
+        write!(
+            formatter,
+            "no time progress: {who} collided {} times at one instant; they have no room to move",
+            self.repeats
+        )
+    }
+}

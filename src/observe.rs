@@ -1,0 +1,45 @@
+//! What the gas does, measured: momentum given to the walls, the virial, conservation, speeds.
+//!
+//! Observers are fed each collision as it happens, or a whole state now and then. They are deterministic, take constant
+//! memory, and change nothing. All in internal units.
+
+pub mod blocks;
+pub mod ledger;
+pub mod speeds;
+
+use crate::event::{Collision, Participants};
+use crate::observe::blocks::Blocks;
+use crate::observe::ledger::Ledger;
+use crate::state::State;
+
+/// Everything that is measured at collisions.
+#[derive(Clone, Debug)]
+pub struct Observer {
+    /// Averages over blocks of time.
+    pub blocks: Blocks,
+    /// Energy, momentum and virial accounts.
+    pub ledger: Ledger,
+    /// Largest overlap at a collision over the contact distance; `None` before the first pair collision.
+    pub max_overlap: Option<f64>,
+}
+
+impl Observer {
+    /// Opens the accounts at the state's present.
+    pub fn new(state: &State) -> Self {
+        Self {
+            blocks: Blocks::default(),
+            ledger: Ledger::new(state),
+            max_overlap: None,
+        }
+    }
+
+    /// Takes a collision into account.
+    #[inline]
+    pub fn record(&mut self, collision: &Collision) {
+        self.blocks.record(collision);
+        self.ledger.record(collision);
+        if let Participants::Pair(..) = collision.participants {
+            self.max_overlap = Some(self.max_overlap.unwrap_or(0.0).max(-collision.gap));
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! Rates and their standard errors from averages over blocks of time.
+//!
+//! The run is cut into at most [`MOST_BLOCKS`] blocks of equal length; when there would be more, neighbours merge and the length
+//! doubles. So a run of any length costs the same memory, and blocks grow longer than any correlation.
+//!
+//! Source: Flyvbjerg & Petersen, J. Chem. Phys. 91, 461 (1989), for errors from merged blocks.
+
+use crate::event::{Collision, Participants};
+use crate::state::Time;
+
+/// Most blocks kept; there are at least half as many once the run is longer than that.
+pub const MOST_BLOCKS: usize = 128;
+
+/// Length of the first blocks \[epochs\].
+const FIRST_LENGTH: f64 = 1.0 / 64.0;
+
+/// Share of the run, from its start, that averages leave out.
+const UNSETTLED_SHARE: f64 = 0.1;
+
+/// Fewest complete blocks that a standard error is computed from.
+const FEWEST_BLOCKS: usize = 8;
+
+/// What happened in a block of time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Block {
+    /// Momentum given to the walls, perpendicular to them.
+    pub wall_impulse: f64,
+    /// `sum of r . dp` over the pair collisions.
+    pub pair_virial: f64,
+    /// Pair collisions.
+    pub pair_collisions: u64,
+    /// Wall collisions.
+    pub wall_collisions: u64,
+}
+
+impl Block {
+    fn add(&mut self, other: &Self) {
+        self.wall_impulse += other.wall_impulse;
+        self.pair_virial += other.pair_virial;
+        self.pair_collisions += other.pair_collisions;
+        self.wall_collisions += other.wall_collisions;
+    }
+}
+
+/// Averages over the settled part of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Averages {
+    /// What happened in the settled part.
+    pub settled: Block,
+    /// Length of the settled part \[epochs\].
+    pub duration: f64,
+    /// Standard error of `settled.wall_impulse / duration`, from at least eight complete blocks.
+    pub wall_error: Option<f64>,
+}
+
+/// Blocks of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Blocks {
+    length: f64,
+    blocks: Vec<Block>,
+}
+
+impl Default for Blocks {
+    fn default() -> Self {
+        Self {
+            length: FIRST_LENGTH,
+            blocks: Vec::with_capacity(MOST_BLOCKS),
+        }
+    }
+}
+
+impl Blocks {
+    /// Takes a collision into account.
+    #[inline]
+    pub fn record(&mut self, collision: &Collision) {
+        let block = self.block_at(collision.time);
+        match collision.participants {
+            Participants::Pair(..) => {
+                block.pair_collisions += 1;
+                block.pair_virial += collision.virial;
+            }
+            Participants::Wall(..) => {
+                block.wall_collisions += 1;
+                block.wall_impulse += collision.impulse.length();
+            }
+        }
+    }
+
+    #[inline]
+    fn block_at(&mut self, time: Time) -> &mut Block {
+        let elapsed = time.relative_to(0);
+        while elapsed / self.length >= MOST_BLOCKS as f64 {
+            self.merge();
+        }
+        let index = (elapsed / self.length) as usize;
+        if index >= self.blocks.len() {
+            self.blocks.resize(index + 1, Block::default());
+        }
+        &mut self.blocks[index]
+    }
+
+    fn merge(&mut self) {
+        let pair = |pair: &[Block]| {
+            let mut sum = pair[0];
+            pair[1..].iter().for_each(|block| sum.add(block));
+            sum
+        };
+        self.blocks = self.blocks.chunks(2).map(pair).collect();
+        self.length *= 2.0;
+    }
+
+    /// Averages at `now`, leaving out the first tenth of the run; `None` before any time has passed.
+    pub fn averages(&self, now: Time) -> Option<Averages> {
+        let elapsed = now.relative_to(0);
+        let unsettled = (UNSETTLED_SHARE * elapsed / self.length).round() as usize;
+        let duration = elapsed - unsettled as f64 * self.length;
+        if duration <= 0.0 {
+            return None;
+        }
+        let block = |index: usize| self.blocks.get(index).copied().unwrap_or_default();
+        let mut settled = Block::default();
+        (unsettled..self.blocks.len()).for_each(|index| settled.add(&self.blocks[index]));
+        let complete = (elapsed / self.length) as usize;
+        let count = complete.saturating_sub(unsettled);
+        let wall_error = (count >= FEWEST_BLOCKS).then(|| {
+            let rate = |index: usize| block(index).wall_impulse / self.length;
+            let mean = (unsettled..complete).map(rate).sum::<f64>() / count as f64;
+            let squares: f64 = (unsettled..complete)
+                .map(|index| (rate(index) - mean) * (rate(index) - mean))
+                .sum();
+            (squares / (count * (count - 1)) as f64).sqrt()
+        });
+        Some(Averages {
+            settled,
+            duration,
+            wall_error,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Wall;
+    use glam::DVec3;
+
+    fn hit(elapsed: f64, impulse: f64) -> Collision {
+        Collision {
+            time: Time::default().after(elapsed).expect("near"),
+            participants: Participants::Wall(
+                0,
+                Wall {
+                    axis: 0,
+                    upper: true,
+                },
+            ),
+            impulse: DVec3::X * -impulse,
+            virial: 0.0,
+            gap: 0.0,
+        }
+    }
+
+    #[test]
+    fn a_steady_rate_is_found_in_constant_memory_with_no_error() {
+        let mut blocks = Blocks::default();
+        for tick in 0..4096 * 16 {
+            blocks.record(&hit((f64::from(tick) + 0.5) / 256.0, 2.0));
+        }
+        assert!(blocks.blocks.len() <= MOST_BLOCKS);
+        let averages = blocks
+            .averages(Time {
+                epoch: 256,
+                local: 0.0,
+            })
+            .expect("time has passed");
+        assert_eq!(averages.settled.wall_impulse / averages.duration, 512.0);
+        assert_eq!(averages.wall_error, Some(0.0));
+        assert!((averages.duration - 230.4).abs() < 4.0);
+    }
+
+    #[test]
+    fn the_unsettled_start_is_left_out() {
+        let mut blocks = Blocks::default();
+        blocks.record(&hit(0.01, 1e6));
+        for tick in 0..1000 {
+            blocks.record(&hit(1.0 + f64::from(tick) / 100.0, 1.0));
+        }
+        let averages = blocks
+            .averages(Time {
+                epoch: 11,
+                local: 0.0,
+            })
+            .expect("time has passed");
+        assert!((averages.settled.wall_impulse / averages.duration - 100.0).abs() < 2.0);
+    }
+
+    #[test]
+    fn the_error_of_random_hits_is_that_of_their_number() {
+        // A fixed pseudo-random pattern of hits with probability 1/2 per slot of 1/256 epoch.
+        let mut blocks = Blocks::default();
+        let mut word = 1_u64;
+        for tick in 0..65_536 {
+            word = word
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            if word >> 63 == 1 {
+                blocks.record(&hit((f64::from(tick) + 0.5) / 256.0, 1.0));
+            }
+        }
+        let averages = blocks
+            .averages(Time {
+                epoch: 256,
+                local: 0.0,
+            })
+            .expect("time has passed");
+        let slots = 256.0 * averages.duration;
+        let expected = (slots * 0.25).sqrt() / averages.duration;
+        let error = averages.wall_error.expect("many blocks");
+        assert!((error / expected - 1.0).abs() < 0.25, "{error} {expected}");
+    }
+}

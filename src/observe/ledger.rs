@@ -1,0 +1,108 @@
+//! Accounts that must balance: energy, momentum and the virial.
+//!
+//! The virial ledger is an identity, not a law: `G = sum of m r . v` changes by `2 K` per time in free flight and by `r . dp`
+//! at each collision. If `G(t) - G(0)` is not the sum of all that, an event was lost, doubled or misplaced.
+//!
+//! Source: derived here from `dG/dt = 2 K + sum of r . F` (the virial theorem before averaging).
+
+use glam::DVec3;
+
+use crate::event::{Collision, Participants};
+use crate::state::{State, Time};
+use crate::sum::Sum;
+
+/// The accounts of a run.
+#[derive(Clone, Debug)]
+pub struct Ledger {
+    kinetic_energy: f64,
+    radial_momentum: Sum,
+    momentum: [Sum; 3],
+    opened: Time,
+    pair_virial: Sum,
+    wall_impulse: Sum,
+}
+
+/// What does not balance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drift {
+    /// Kinetic energy over that at the start, minus one.
+    pub energy: Option<f64>,
+    /// Change of momentum that the walls do not explain, over the sum of the magnitudes of all momenta.
+    pub momentum: Option<f64>,
+    /// What the virial ledger misses, over `2 K t`.
+    pub virial: Option<f64>,
+}
+
+impl Ledger {
+    /// Opens the accounts at the state's present.
+    pub fn new(state: &State) -> Self {
+        let sum = |value: f64| Sum::from_iter([value]);
+        Self {
+            kinetic_energy: state.kinetic_energy(),
+            radial_momentum: sum(state.radial_momentum()),
+            momentum: state.momentum().to_array().map(sum),
+            opened: state.now,
+            pair_virial: Sum::default(),
+            wall_impulse: Sum::default(),
+        }
+    }
+
+    /// Kinetic energy at the start.
+    pub fn kinetic_energy(&self) -> f64 {
+        self.kinetic_energy
+    }
+
+    /// Sum of `r . dp` over all pair collisions so far.
+    pub fn pair_virial(&self) -> f64 {
+        self.pair_virial.value()
+    }
+
+    /// Momentum given to the walls so far, perpendicular to them.
+    pub fn wall_impulse(&self) -> f64 {
+        self.wall_impulse.value()
+    }
+
+    /// Takes a collision into account.
+    #[inline]
+    pub fn record(&mut self, collision: &Collision) {
+        self.radial_momentum.add(collision.virial);
+        match collision.participants {
+            Participants::Pair(..) => self.pair_virial.add(collision.virial),
+            Participants::Wall(..) => {
+                self.wall_impulse.add(collision.impulse.length());
+                for axis in 0..3 {
+                    self.momentum[axis].add(collision.impulse[axis]);
+                }
+            }
+        }
+    }
+
+    /// Follows a reversal of all velocities; `state` is the gas just after it.
+    pub fn reverse(&mut self, state: &State) {
+        for momentum in &mut self.momentum {
+            *momentum = Sum::from_iter([-momentum.value()]);
+        }
+        // The reversal turns G into -G: what the gas has now, less what it had.
+        self.radial_momentum.add(2.0 * state.radial_momentum());
+    }
+
+    /// Compares the accounts with the state at its present. Reads every ball.
+    pub fn drift(&self, state: &State) -> Drift {
+        let elapsed = state.now.since(self.opened);
+        let flight = 2.0 * self.kinetic_energy * elapsed;
+        let magnitude =
+            |ball: usize| state.bodies.of(ball).mass * state.trajectories[ball].velocity.length();
+        let momenta = (0..state.ball_count())
+            .map(magnitude)
+            .collect::<Sum>()
+            .value();
+        let expected = DVec3::from_array(self.momentum.map(|sum| sum.value()));
+        let missing = state.radial_momentum() - self.radial_momentum.value() - flight;
+        Drift {
+            energy: (self.kinetic_energy > 0.0)
+                .then(|| state.kinetic_energy() / self.kinetic_energy - 1.0),
+            momentum: (momenta > 0.0).then(|| (state.momentum() - expected).length() / momenta),
+            virial: (flight > 0.0).then(|| missing.abs() / flight),
+        }
+    }
+}

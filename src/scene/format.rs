@@ -1,0 +1,460 @@
+//! The scene file: TOML in, a checked [`Scene`] or all its faults out.
+
+use std::path::Path;
+
+use glam::DVec3;
+use toml::de::DeTable;
+
+use super::reader::{At, Faults, Table, number};
+use super::{Ball, Cell, Scene, Sites, Species, Velocities, memory, table};
+use crate::domain::Domain;
+use crate::snapshot::Units;
+
+/// Largest coordinate rounding that is accepted, in units of the smallest radius.
+const COARSEST_POSITION: f64 = 1e-9;
+
+/// Most rows of a series that a scene may ask for by `until / sample`.
+const MOST_ROWS: f64 = 1e9;
+
+/// Engines that a scene may name.
+const ENGINES: [&str; 2] = ["auto", "event"];
+
+/// Reads a scene, or says in one line per fault why not.
+pub(super) fn parse(path: &Path, text: &str) -> Result<Scene, Vec<String>> {
+    let mut faults = Faults::new(path, text);
+    let document = match DeTable::parse(text) {
+        Ok(document) => document,
+        Err(error) => {
+            faults.syntax(error.span().map_or(0, |span| span.start), error.message());
+            return Err(faults.into_lines());
+        }
+    };
+    let scene = Table::new("", 0..0, document.get_ref());
+    let scene = read_scene(scene, path, text, &mut faults);
+    match scene {
+        Some(scene) if faults.is_empty() => Ok(scene),
+        _ => Err(faults.into_lines()),
+    }
+}
+
+/// `None` only after a fault.
+fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) -> Option<Scene> {
+    let title = table.text("title", faults).map_or_else(
+        || {
+            path.file_stem()
+                .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+        },
+        |title| title.value,
+    );
+    let units = read_units(&mut table, faults);
+    let seed = table.count("seed", faults).map_or(1, |seed| seed.value);
+    let domain = if let Some(table) = table.table("domain", "[domain]", faults) {
+        read_domain(table, faults)
+    } else {
+        table.missing(
+            "domain",
+            "a scene needs [domain] with kind and size",
+            faults,
+        );
+        None
+    };
+    let species_tables = table.tables("species", "[[species]]", faults);
+    let mut species = Vec::with_capacity(species_tables.len());
+    for table in species_tables {
+        species.extend(read_species(table, path, domain.as_ref(), faults));
+    }
+    let ball_tables = table.tables("ball", "[[ball]]", faults);
+    let mut balls = Vec::with_capacity(ball_tables.len());
+    for table in ball_tables {
+        balls.extend(read_ball(table, faults));
+    }
+    if let Some(plane) = table.tables("plane", "[[plane]]", faults).first() {
+        faults.add(
+            plane.span.start,
+            "[[plane]]: planes are not in this version",
+        );
+    }
+    let (until, sample) = match table.table("run", "[run]", faults) {
+        Some(table) => read_run(table, units, faults),
+        None => (None, default_sample(None, units)),
+    };
+    table.finish(faults);
+    let (domain, center, span) = domain?;
+    let scene = Scene {
+        title,
+        units: units?,
+        seed,
+        domain,
+        center,
+        until,
+        sample,
+        species,
+        balls,
+        path: path.to_owned(),
+        source: text.to_owned(),
+    };
+    check_precision(&scene, span, faults);
+    check_memory(&scene, faults);
+    Some(scene)
+}
+
+fn read_units(table: &mut Table, faults: &mut Faults) -> Option<Units> {
+    let limit = "must be \"si\" (metre, second, kilogram, kelvin) or \"reduced\" (k = 1)";
+    let Some(units) = table.text("units", faults) else {
+        table.missing("units", limit, faults);
+        return None;
+    };
+    match units.value.as_str() {
+        "si" => Some(Units::Si),
+        "reduced" => Some(Units::Reduced),
+        _ => {
+            faults.value("units", &units.span, limit);
+            None
+        }
+    }
+}
+
+/// The domain, its centre, and where its size stands in the text.
+type ReadDomain = (Domain, DVec3, usize);
+
+fn read_domain(mut table: Table, faults: &mut Faults) -> Option<ReadDomain> {
+    let kind = table.text("kind", faults);
+    match &kind {
+        Some(kind) if kind.value == "container" => {}
+        Some(kind) if ["periodic", "open"].contains(&kind.value.as_str()) => {
+            faults.value(
+                "kind",
+                &kind.span,
+                "not in this version, which runs \"container\"",
+            );
+        }
+        Some(kind) => faults.value("kind", &kind.span, "must be \"container\""),
+        None => table.missing("kind", "must be \"container\"", faults),
+    }
+    let center = table
+        .vector("center", faults)
+        .map_or(DVec3::ZERO, |center| center.value);
+    let limit = "three edges, [x, y, z], each greater than 0";
+    let size = table.vector("size", faults);
+    let domain = match size {
+        Some(size) if size.value.cmpgt(DVec3::ZERO).all() => {
+            let half_size = 0.5 * size.value;
+            Some((Domain::Container { half_size }, center, size.span.start))
+        }
+        Some(size) => {
+            faults.value("size", &size.span, &format!("must be {limit}"));
+            None
+        }
+        None => {
+            table.missing("size", limit, faults);
+            None
+        }
+    };
+    table.finish(faults);
+    domain
+}
+
+fn read_species(
+    mut table: Table,
+    path: &Path,
+    domain: Option<&ReadDomain>,
+    faults: &mut Faults,
+) -> Option<Species> {
+    let name = table.text("name", faults).map(|name| name.value);
+    let count = table.count("count", faults);
+    let radius = read_radius(&mut table, domain, faults);
+    let mass = table.positive("mass", faults);
+    let lattice = Sites::Lattice {
+        cell: Cell::Cubic,
+        spacing: None,
+    };
+    let sites = match table.table("placement", "placement", faults) {
+        Some(placement) => read_sites(placement, path, faults),
+        None => Some(lattice.clone()),
+    };
+    // After a fault the default takes the place, so that the rest of the table is still judged.
+    let placed = sites.is_some();
+    let sites = sites.unwrap_or(lattice);
+    let velocities = match table.table("velocity", "velocity", faults) {
+        Some(velocity) => read_velocities(velocity, faults),
+        None if matches!(&sites, Sites::Rows(rows) if rows.velocities.is_some()) => None,
+        None => Some(Velocities::Rest),
+    };
+    let line = faults.line(table.span.start);
+    let (row_count, row_radii, row_masses) = match &sites {
+        Sites::Rows(rows) => (
+            Some(rows.positions.len()),
+            rows.radii.is_some(),
+            rows.masses.is_some(),
+        ),
+        _ => (None, false, false),
+    };
+    let count = match (count, row_count) {
+        (Some(count), Some(rows)) if count.value != rows as u64 => {
+            faults.value(
+                "count",
+                &count.span,
+                &format!("the placement's file has {rows} rows"),
+            );
+            None
+        }
+        (_, Some(rows)) => Some(rows),
+        (Some(count), None) => check_count(&count, faults),
+        (None, None) => {
+            if placed {
+                table.missing("count", "the number of balls", faults);
+            }
+            None
+        }
+    };
+    if placed && !row_radii {
+        table.missing("radius", "must be greater than 0", faults);
+    }
+    if placed && !row_masses {
+        table.missing("mass", "must be greater than 0", faults);
+    }
+    table.finish(faults);
+    let (radius, mass) = (
+        radius.map(|radius| radius.value),
+        mass.map(|mass| mass.value),
+    );
+    Some(Species {
+        name,
+        count: count?,
+        radius,
+        mass,
+        sites,
+        velocities,
+        line,
+    })
+}
+
+/// Balls are numbered in 32 bits, with some numbers left for marks.
+fn check_count(count: &At<u64>, faults: &mut Faults) -> Option<usize> {
+    const MOST: u64 = 4_000_000_000;
+    let needed = u128::from(count.value) * u128::from(memory::BYTES_PER_BALL);
+    if count.value > MOST {
+        faults.value("count", &count.span, &format!("must be at most {MOST}"));
+        return None;
+    }
+    if memory::available().is_some_and(|free| needed > u128::from(free)) {
+        let free = memory::available().unwrap_or(0) as f64 / 1e9;
+        let words = format!(
+            "needs {:.1} GB of memory, and {free:.1} GB are free",
+            needed as f64 / 1e9
+        );
+        faults.value("count", &count.span, &words);
+        return None;
+    }
+    Some(count.value as usize)
+}
+
+fn read_radius(
+    table: &mut Table,
+    domain: Option<&ReadDomain>,
+    faults: &mut Faults,
+) -> Option<At<f64>> {
+    let radius = table.number_where(
+        "radius",
+        |radius| radius > 0.0,
+        "must be greater than 0 (balls without size are not in this version)",
+        faults,
+    )?;
+    let room = domain.map_or(f64::INFINITY, |(domain, ..)| {
+        domain.half_size().min_element()
+    });
+    if radius.value > room {
+        faults.value(
+            "radius",
+            &radius.span,
+            &format!("must be at most {room}, half the container's smallest edge"),
+        );
+        return None;
+    }
+    Some(radius)
+}
+
+fn read_sites(mut table: Table, path: &Path, faults: &mut Faults) -> Option<Sites> {
+    let limit = "must be \"lattice\", \"random\" or \"file\"";
+    let Some(kind) = table.text("kind", faults) else {
+        table.missing("kind", limit, faults);
+        return None;
+    };
+    let sites = match kind.value.as_str() {
+        "lattice" => {
+            let cell = match table.text("cell", faults) {
+                None => Some(Cell::Cubic),
+                Some(cell) if cell.value == "cubic" => Some(Cell::Cubic),
+                Some(cell) if cell.value == "fcc" => Some(Cell::Fcc),
+                Some(cell) => {
+                    faults.value("cell", &cell.span, "must be \"cubic\" or \"fcc\"");
+                    None
+                }
+            };
+            let spacing = table
+                .positive("spacing", faults)
+                .map(|spacing| spacing.value);
+            cell.map(|cell| Sites::Lattice { cell, spacing })
+        }
+        "random" => Some(Sites::Random),
+        "file" => {
+            if let Some(name) = table.text("path", faults) {
+                let beside = path.parent().unwrap_or(Path::new("")).join(&name.value);
+                match table::read(&beside) {
+                    Ok(rows) => Some(Sites::Rows(rows)),
+                    Err(lines) => {
+                        faults.add_lines(name.span.start, lines);
+                        None
+                    }
+                }
+            } else {
+                table.missing(
+                    "path",
+                    "the name of a CSV file with the columns x, y, z",
+                    faults,
+                );
+                None
+            }
+        }
+        _ => {
+            faults.value("kind", &kind.span, limit);
+            return None; // which keys belong here is not known either
+        }
+    };
+    table.finish(faults);
+    sites
+}
+
+fn read_velocities(mut table: Table, faults: &mut Faults) -> Option<Velocities> {
+    let limit = "must be \"maxwell\", \"normal\", \"speed\" or \"rest\"";
+    let Some(kind) = table.text("kind", faults) else {
+        table.missing("kind", limit, faults);
+        return None;
+    };
+    let mut parameter = |key: &'static str| {
+        let number = table.number_where(key, |x| x >= 0.0, "must be 0 or greater", faults);
+        table.missing(key, &format!("{} needs it", kind.value), faults);
+        number.map(|number| number.value)
+    };
+    let velocities = match kind.value.as_str() {
+        "maxwell" => {
+            parameter("temperature").map(|temperature| Velocities::Maxwell { temperature })
+        }
+        "normal" => parameter("deviation").map(|deviation| Velocities::Normal { deviation }),
+        "speed" => parameter("value").map(|value| Velocities::Speed { value }),
+        "rest" => Some(Velocities::Rest),
+        _ => {
+            faults.value("kind", &kind.span, limit);
+            return None; // which keys belong here is not known either
+        }
+    };
+    table.finish(faults);
+    velocities
+}
+
+fn read_ball(mut table: Table, faults: &mut Faults) -> Option<Ball> {
+    let name = table.text("name", faults).map(|name| name.value);
+    let position = table.vector("position", faults);
+    let velocity = table
+        .vector("velocity", faults)
+        .map_or(DVec3::ZERO, |velocity| velocity.value);
+    let radius = read_radius(&mut table, None, faults);
+    let mass = table.positive("mass", faults);
+    for (key, limit) in [
+        ("position", "[x, y, z]"),
+        ("radius", "must be greater than 0"),
+        ("mass", "must be greater than 0"),
+    ] {
+        table.missing(key, limit, faults);
+    }
+    let line = faults.line(table.span.start);
+    table.finish(faults);
+    let (position, radius, mass) = (position?.value, radius?.value, mass?.value);
+    Some(Ball {
+        name,
+        position,
+        velocity,
+        radius,
+        mass,
+        line,
+    })
+}
+
+fn read_run(mut table: Table, units: Option<Units>, faults: &mut Faults) -> (Option<f64>, f64) {
+    if let Some(engine) = table
+        .text("engine", faults)
+        .filter(|name| !ENGINES.contains(&name.value.as_str()))
+    {
+        faults.value(
+            "engine",
+            &engine.span,
+            "not in this version, which has \"auto\" and \"event\"",
+        );
+    }
+    let until = table.positive("until", faults);
+    let sample = table.positive("sample", faults);
+    if let (Some(until), Some(sample)) = (&until, &sample)
+        && until.value / sample.value > MOST_ROWS
+    {
+        faults.value(
+            "sample",
+            &sample.span,
+            &format!("until / sample must be at most {MOST_ROWS:e} rows"),
+        );
+    }
+    table.finish(faults);
+    let until = until.map(|until| until.value);
+    (
+        until,
+        sample.map_or_else(|| default_sample(until, units), |sample| sample.value),
+    )
+}
+
+/// A thousand rows until the end of the run; without an end, one row per nanosecond or per tenth of the unit of time.
+fn default_sample(until: Option<f64>, units: Option<Units>) -> f64 {
+    let open_end = if units == Some(Units::Si) { 1e-9 } else { 0.1 };
+    until.map_or(open_end, |until| until / 1000.0)
+}
+
+/// Far from the origin, positions are coarse; against a small ball's radius that would be felt.
+fn check_precision(scene: &Scene, size_at: usize, faults: &mut Faults) {
+    let from_rows = scene
+        .species
+        .iter()
+        .filter_map(|species| match &species.sites {
+            Sites::Rows(rows) => rows.radii.as_ref(),
+            _ => None,
+        });
+    let radii = scene.species.iter().filter_map(|species| species.radius);
+    let radii = radii
+        .chain(from_rows.flatten().copied())
+        .chain(scene.balls.iter().map(|ball| ball.radius));
+    let smallest = radii.fold(f64::INFINITY, f64::min);
+    let farthest = (scene.center.abs() + scene.domain.half_size()).max_element();
+    let step = farthest.next_up() - farthest;
+    if !farthest.is_finite() || step > COARSEST_POSITION * smallest {
+        faults.add(
+            size_at,
+            &format!(
+                "size: coordinates reach {}, where they are rounded to {}: must be at most {COARSEST_POSITION:e} of the \
+                 smallest radius, {}: move the domain to the origin or make it smaller",
+                number(farthest),
+                number(step),
+                number(smallest)
+            ),
+        );
+    }
+}
+
+/// Each species fits by itself; together they must, too.
+fn check_memory(scene: &Scene, faults: &mut Faults) {
+    let needed = scene.ball_count() as u64 * memory::BYTES_PER_BALL;
+    if let Some(free) = memory::available().filter(|&free| needed > free) {
+        let (needed, free) = (needed as f64 / 1e9, free as f64 / 1e9);
+        let count = scene.ball_count();
+        faults.add(
+            0,
+            &format!("{count} balls need {needed:.1} GB of memory, and {free:.1} GB are free"),
+        );
+    }
+}

@@ -1,0 +1,205 @@
+//! From internal units to what a snapshot shows.
+
+use std::sync::Arc;
+
+use crate::engine::Counters;
+use crate::observe::Observer;
+use crate::observe::speeds::Speeds;
+use crate::snapshot::{self, Counts, Pressure, Sample};
+use crate::state::State;
+
+/// Balls in a sample for the picture, at the most.
+const MOST_SAMPLED: usize = 20_000;
+
+/// What reading every ball tells.
+#[derive(Clone, Debug)]
+pub struct Survey {
+    /// Kinetic energy \[energy\].
+    pub kinetic_energy: f64,
+    /// Relative change of energy.
+    pub energy_drift: Option<f64>,
+    /// Relative momentum not explained by the walls.
+    pub momentum_drift: Option<f64>,
+    /// Relative error of the virial ledger.
+    pub virial_residual: Option<f64>,
+    /// Speed histogram.
+    pub speeds: Option<Arc<snapshot::Speeds>>,
+    /// Mean speed \[speed\].
+    pub mean_speed: Option<f64>,
+}
+
+impl Survey {
+    /// Reads every ball.
+    pub fn of(state: &State, observer: &Observer) -> Self {
+        let drift = observer.ledger.drift(state);
+        let velocity = state.units.velocity();
+        let speeds = Speeds::of(state);
+        Self {
+            kinetic_energy: state.kinetic_energy() * state.units.energy(),
+            energy_drift: drift.energy,
+            momentum_drift: drift.momentum,
+            virial_residual: drift.virial,
+            mean_speed: speeds.as_ref().map(|speeds| speeds.mean * velocity),
+            speeds: speeds.map(|speeds| {
+                Arc::new(snapshot::Speeds {
+                    bin_width: speeds.bin_width * velocity,
+                    counts: speeds.counts,
+                    maxwell: speeds.maxwell,
+                    ks: speeds.ks,
+                    ks_critical: speeds.ks_critical,
+                })
+            }),
+        }
+    }
+}
+
+/// Rates and pressures over the settled part of a run, in the scene's units.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Settled {
+    /// Pressure by both routes.
+    pub pressure: Pressure,
+    /// Pair collisions of the gas per time.
+    pub pair_rate: Option<f64>,
+    /// Wall collisions of the gas per time.
+    pub wall_rate: Option<f64>,
+}
+
+impl Settled {
+    /// Averages at the state's present.
+    pub fn of(state: &State, observer: &Observer) -> Self {
+        let Some(averages) = observer.blocks.averages(state.now) else {
+            return Self::default();
+        };
+        let time = averages.duration * state.units.time;
+        let walls = Walls::of(state);
+        let settled = averages.settled;
+        Self {
+            pressure: Pressure {
+                wall: Some(walls.wall_pressure(settled.wall_impulse / averages.duration)),
+                virial: Some(walls.virial_pressure(
+                    observer.ledger.kinetic_energy(),
+                    settled.pair_virial / averages.duration,
+                )),
+                standard_error: averages.wall_error.map(|error| walls.wall_pressure(error)),
+            },
+            pair_rate: Some(settled.pair_collisions as f64 / time),
+            wall_rate: Some(settled.wall_collisions as f64 / time),
+        }
+    }
+}
+
+/// What turns momentum into pressure.
+#[derive(Clone, Copy, Debug)]
+pub struct Walls {
+    area: f64,
+    volume_of_centers: f64,
+    scale: f64,
+}
+
+impl Walls {
+    /// The walls of the state's container.
+    pub fn of(state: &State) -> Self {
+        let open = state.domain.half_size() - state.bodies.largest_radius();
+        Self {
+            area: state.domain.wall_area(),
+            volume_of_centers: 8.0 * open.x * open.y * open.z,
+            scale: state.units.pressure(),
+        }
+    }
+
+    /// Force per physical wall area, in the scene's units, from an internal force on all walls.
+    pub fn wall_pressure(&self, force: f64) -> f64 {
+        force / self.area * self.scale
+    }
+
+    /// `(2 K + virial rate) / 3 V`, on the volume open to the centres, in the scene's units.
+    ///
+    /// Source: numerically identical to the wall pressure on the area open to the centres, but for the change of the radial
+    /// momentum, which is bounded (derived here).
+    pub fn virial_pressure(&self, kinetic_energy: f64, virial_rate: f64) -> f64 {
+        (2.0 * kinetic_energy + virial_rate) / (3.0 * self.volume_of_centers) * self.scale
+    }
+}
+
+/// The counters as a snapshot has them.
+pub fn counts(counters: &Counters) -> Counts {
+    Counts {
+        pair_collisions: counters.pair_collisions,
+        wall_collisions: counters.wall_collisions,
+        plane_collisions: 0,
+        cell_crossings: counters.cell_crossings,
+        stale_events: counters.stale_events,
+        late_events: counters.late_events,
+        ties: counters.ties,
+        zero_time_events: counters.zero_time_events,
+    }
+}
+
+/// Which balls a picture is made from: the named ones, then others spread evenly, so that any prefix is a fair sample.
+pub fn sampled_balls(ball_count: usize, named: &[(String, usize)]) -> Vec<u32> {
+    let named = named.iter().map(|&(_, ball)| ball as u32);
+    // Steps of the golden ratio visit every ball once if the step and the count have no common factor.
+    let mut step = ((ball_count as f64 * 0.618_033_988_749_895) as usize).max(1);
+    while common_divisor(step, ball_count) > 1 {
+        step += 1;
+    }
+    let spread = (0..ball_count).scan(0, move |ball, _| {
+        *ball = (*ball + step) % ball_count;
+        Some(*ball as u32)
+    });
+    let is_named: Vec<u32> = named.clone().collect();
+    named
+        .chain(spread.filter(|ball| !is_named.contains(ball)))
+        .take(MOST_SAMPLED)
+        .collect()
+}
+
+fn common_divisor(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { common_divisor(b, a % b) }
+}
+
+/// Positions of sampled balls at the present.
+pub fn sample(state: &State, balls: &[u32], names: &[String]) -> Sample {
+    let position = |&ball: &u32| {
+        let position =
+            state.trajectories[ball as usize].position_at(state.now) * state.units.length;
+        position.to_array().map(|coordinate| coordinate as f32)
+    };
+    Sample {
+        positions: balls.iter().map(position).collect(),
+        names: names.to_vec(),
+    }
+}
+
+/// Largest resident memory of this process so far, where the system tells.
+pub fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim()
+        .strip_suffix("kB")?
+        .trim()
+        .parse::<u64>()
+        .ok()
+        .map(|kilobytes| 1024 * kilobytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_takes_named_balls_first_and_no_ball_twice() {
+        for count in [1, 2, 10, 512, 704_969] {
+            let named = [("pollen".to_owned(), count - 1)];
+            let mut balls = sampled_balls(count, &named);
+            assert_eq!(balls[0] as usize, count - 1);
+            assert_eq!(balls.len(), count.min(MOST_SAMPLED));
+            balls.sort_unstable();
+            balls.dedup();
+            assert_eq!(balls.len(), count.min(MOST_SAMPLED));
+        }
+        assert!(sampled_balls(0, &[]).is_empty());
+    }
+}

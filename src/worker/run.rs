@@ -1,0 +1,464 @@
+//! The loop on the engine's thread.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use super::measure::{self, Settled, Survey, Walls};
+use super::pace::{Meter, Slices};
+use super::{Options, Slot};
+use crate::engine::Stuck;
+use crate::engine::event_driven::EventDriven;
+use crate::feed::Command;
+use crate::history::History;
+use crate::observe::Observer;
+use crate::scene::Scene;
+use crate::snapshot::{
+    Counts, Expected, HistoryPoint, Phase, Pressure, SceneCard, SeriesRow, Snapshot,
+};
+use crate::state::{Placement, State};
+
+/// Wall time between two snapshots.
+const SNAPSHOT_EVERY: Duration = Duration::from_millis(100);
+
+/// Wall time of the run between two points of the history \[s\].
+const HISTORY_EVERY_S: f64 = 0.5;
+
+/// Share of the wall time that may go into reading every ball.
+const SURVEY_SHARE: f64 = 0.003;
+
+/// Wall time between two surveys, at least.
+const SURVEY_EVERY: Duration = Duration::from_secs(1);
+
+/// First slice, in epochs: short, whatever the scene.
+const FIRST_SLICE: f64 = 1.0 / 4096.0;
+
+/// Longest that one slice may run on where the rate of simulated time is limited \[wall s\].
+const LIMITED_SLICE_S: f64 = 0.02;
+
+/// What is fixed when a run starts.
+pub struct Setting {
+    card: Arc<SceneCard>,
+    names: Vec<String>,
+    sampled: Vec<u32>,
+    options: Options,
+}
+
+impl Setting {
+    /// Takes from the scene what the run needs beside the balls.
+    pub fn new(scene: &Scene, placement: &Placement, options: Options) -> Self {
+        let named = scene.named_balls();
+        Self {
+            card: Arc::new(scene.card(placement)),
+            sampled: measure::sampled_balls(placement.positions.len(), &named),
+            names: named.into_iter().map(|(name, _)| name).collect(),
+            options,
+        }
+    }
+
+    /// The snapshot of a run that has not begun.
+    pub fn first_snapshot(&self) -> Snapshot {
+        Snapshot {
+            sequence: 0,
+            scene: Arc::clone(&self.card),
+            engine: "event",
+            phase: Phase::Starting,
+            reversed: false,
+            time: 0.0,
+            until: self.options.until,
+            wall_time_s: 0.0,
+            setup_time_s: None,
+            time_rate: None,
+            time_rate_limit: None,
+            collisions_per_wall_second: None,
+            time_left_s: None,
+            counts: Counts::default(),
+            temperature: None,
+            kinetic_energy: 0.0,
+            pressure: Pressure::default(),
+            compressibility_factor: None,
+            collision_rate: None,
+            pair_rate: None,
+            wall_rate: None,
+            mean_free_path: None,
+            expected: Expected::default(),
+            energy_drift: None,
+            momentum_drift: None,
+            virial_residual: None,
+            max_overlap: None,
+            speeds: None,
+            queue_length: 0,
+            queue_length_max: 0,
+            peak_rss_bytes: None,
+            state_hash: None,
+            history: Arc::default(),
+            sample: None,
+        }
+    }
+}
+
+/// Totals at the end of an interval, from which the next one's means are made.
+#[derive(Clone, Copy, Default)]
+struct Totals {
+    time: f64,
+    wall_impulse: f64,
+    pair_virial: f64,
+    pair_collisions: u64,
+}
+
+struct Run<'a> {
+    setting: &'a Setting,
+    inbox: &'a Receiver<Command>,
+    slot: &'a Slot,
+    engine: EventDriven,
+    observer: Observer,
+    walls: Walls,
+    survey: Survey,
+    survey_due: Instant,
+    meter: Meter,
+    slices: Slices,
+    history: History,
+    history_due: f64,
+    last_point: Totals,
+    last_row: Totals,
+    rows: u64,
+    phase: Phase,
+    reversed: bool,
+    watched: bool,
+    limit: Option<f64>,
+    /// Where the limit on the rate counts from.
+    limit_anchor: (Instant, f64),
+    /// Simulated time at which a single step ends.
+    step_until: Option<f64>,
+    setup_time_s: f64,
+    sequence: u64,
+    published: Instant,
+}
+
+/// Runs until the end, a stop or a failure; gives back the balls and their collisions.
+pub fn run(
+    setting: &Setting,
+    placement: Placement,
+    inbox: &Receiver<Command>,
+    slot: &Slot,
+) -> (Placement, Vec<u64>) {
+    let state = State::new(&placement);
+    drop(placement);
+    let observer = Observer::new(&state);
+    let survey_began = Instant::now();
+    let survey = Survey::of(&state, &observer);
+    let survey_due = survey_began + survey_pause(survey_began.elapsed());
+    let mut run = Run {
+        setting,
+        inbox,
+        slot,
+        walls: Walls::of(&state),
+        slices: Slices::new(FIRST_SLICE * state.units.time),
+        engine: EventDriven::new(state),
+        observer,
+        survey,
+        survey_due,
+        meter: Meter::default(),
+        history: History::default(),
+        history_due: HISTORY_EVERY_S,
+        last_point: Totals::default(),
+        last_row: Totals::default(),
+        rows: 0,
+        phase: Phase::Running,
+        reversed: false,
+        watched: false,
+        limit: None,
+        limit_anchor: (Instant::now(), 0.0),
+        step_until: None,
+        setup_time_s: setting.options.program_start.elapsed().as_secs_f64(),
+        sequence: 0,
+        published: Instant::now(),
+    };
+    run.publish(None);
+    run.go();
+    run.survey = Survey::of(run.engine.state(), &run.observer);
+    run.publish(Some(run.engine.state().hash()));
+    let state = run.engine.state();
+    (state.placement(), state.collisions.clone())
+}
+
+/// Wall time between surveys that cost `cost` each.
+fn survey_pause(cost: Duration) -> Duration {
+    cost.div_f64(SURVEY_SHARE).max(SURVEY_EVERY)
+}
+
+impl Run<'_> {
+    fn go(&mut self) {
+        loop {
+            while let Ok(command) = self.inbox.try_recv() {
+                if self.obey(command).is_break() {
+                    return;
+                }
+            }
+            let waited = match self.wait_for() {
+                None => {
+                    match self.slice() {
+                        Ok(ControlFlow::Continue(())) => {}
+                        Ok(ControlFlow::Break(())) => {
+                            self.phase = Phase::Finished;
+                            return;
+                        }
+                        Err(stuck) => {
+                            self.phase = Phase::Failed(stuck.to_string());
+                            return;
+                        }
+                    }
+                    continue;
+                }
+                Some(pause) => self.inbox.recv_timeout(pause),
+            };
+            match waited {
+                Ok(command) if self.obey(command).is_break() => return,
+                Ok(_) | Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+        }
+    }
+
+    /// How long to wait for a command before the next slice; `None` for no wait.
+    fn wait_for(&self) -> Option<Duration> {
+        const LONG: Duration = Duration::from_secs(1);
+        if self.phase == Phase::Paused {
+            return Some(LONG);
+        }
+        let (since, from) = self.limit_anchor;
+        let ahead = (self.time() - from) / self.limit? - since.elapsed().as_secs_f64();
+        (ahead > 0.0)
+            .then(|| Duration::try_from_secs_f64(ahead).map_or(LONG, |ahead| ahead.min(LONG)))
+    }
+
+    fn obey(&mut self, command: Command) -> ControlFlow<()> {
+        match command {
+            Command::Stop => return ControlFlow::Break(()),
+            Command::Pause => self.phase = Phase::Paused,
+            Command::Resume => {
+                self.phase = Phase::Running;
+                self.step_until = None;
+                self.limit_anchor = (Instant::now(), self.time());
+            }
+            Command::Step => {
+                self.phase = Phase::Running;
+                self.limit_anchor = (Instant::now(), self.time());
+                let sample = self.setting.card.sample;
+                // A run that stands on a multiple, but for rounding, goes to the next one.
+                self.step_until =
+                    Some(((self.time() / sample * (1.0 + 1e-12)).floor() + 1.0) * sample);
+            }
+            Command::Reverse => {
+                self.engine.reverse();
+                self.observer.ledger.reverse(self.engine.state());
+                self.reversed = !self.reversed;
+            }
+            Command::LimitTimeRate(limit) => {
+                self.limit = limit;
+                self.limit_anchor = (Instant::now(), self.time());
+                self.meter.restart();
+            }
+            Command::Watch(watched) => self.watched = watched,
+        }
+        self.publish(None);
+        ControlFlow::Continue(())
+    }
+
+    fn time(&self) -> f64 {
+        let state = self.engine.state();
+        state.units.scene_time(state.now)
+    }
+
+    /// Runs one slice; breaks when the end of the run is reached.
+    fn slice(&mut self) -> Result<ControlFlow<()>, Stuck> {
+        let began = Instant::now();
+        let time = self.time();
+        let sample = self.setting.card.sample;
+        let next_row = (self.rows + 1) as f64 * sample;
+        let mut length = self.slices.length().min(sample);
+        if let Some(limit) = self.limit {
+            length = length.min(limit * LIMITED_SLICE_S);
+        }
+        let stops = [Some(next_row), self.step_until, self.setting.options.until];
+        let target = stops.into_iter().flatten().fold(time + length, f64::min);
+        let observer = &mut self.observer;
+        let until = self.engine.state().units.instant(target);
+        self.engine
+            .advance(until, &mut |collision| observer.record(collision))?;
+        let spent = began.elapsed();
+        self.slices.learn(self.time() - time, spent);
+        self.meter
+            .ran(spent, self.time(), self.engine.counters().pair_collisions);
+
+        let at_row = target >= next_row;
+        if at_row || began >= self.survey_due {
+            self.look_at_every_ball();
+        }
+        if at_row {
+            self.rows += 1;
+            self.write_row();
+        }
+        if self.meter.wall_time() >= self.history_due {
+            self.history_due = self.meter.wall_time() + HISTORY_EVERY_S;
+            self.write_history();
+        }
+        if self.step_until.is_some_and(|end| target >= end) {
+            self.step_until = None;
+            self.phase = Phase::Paused;
+            self.publish(None);
+        }
+        if self.setting.options.until.is_some_and(|end| target >= end) {
+            return Ok(ControlFlow::Break(()));
+        }
+        if self.published.elapsed() >= SNAPSHOT_EVERY {
+            self.publish(None);
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn look_at_every_ball(&mut self) {
+        let began = Instant::now();
+        self.survey = Survey::of(self.engine.state(), &self.observer);
+        self.survey_due = Instant::now() + survey_pause(began.elapsed());
+    }
+
+    fn totals(&self) -> Totals {
+        Totals {
+            time: self.time(),
+            wall_impulse: self.observer.ledger.wall_impulse(),
+            pair_virial: self.observer.ledger.pair_virial(),
+            pair_collisions: self.engine.counters().pair_collisions,
+        }
+    }
+
+    /// Wall and virial pressure between two moments.
+    fn pressures_between(&self, from: Totals, to: Totals) -> Option<(f64, f64)> {
+        let epochs = (to.time - from.time) / self.engine.state().units.time;
+        (epochs > 0.0).then(|| {
+            let wall = (to.wall_impulse - from.wall_impulse) / epochs;
+            let virial = (to.pair_virial - from.pair_virial) / epochs;
+            let kinetic_energy = self.observer.ledger.kinetic_energy();
+            (
+                self.walls.wall_pressure(wall),
+                self.walls.virial_pressure(kinetic_energy, virial),
+            )
+        })
+    }
+
+    fn write_row(&mut self) {
+        let totals = self.totals();
+        let pressures = self.pressures_between(self.last_row, totals);
+        self.last_row = totals;
+        let counters = self.engine.counters();
+        let row = SeriesRow {
+            time: totals.time,
+            wall_time_s: self.meter.wall_time(),
+            temperature: self.temperature(),
+            pressure_wall: pressures.map(|(wall, _)| wall),
+            pressure_virial: pressures.map(|(_, virial)| virial),
+            pair_collisions: counters.pair_collisions,
+            wall_collisions: counters.wall_collisions,
+            queue_length: self.engine.queue_length() as u64,
+            max_overlap: self.observer.max_overlap,
+            energy_drift: self.survey.energy_drift,
+        };
+        if let Some(series) = &self.setting.options.series {
+            // Whoever wrote the series has gone; the run goes on.
+            let _ = series.send(row);
+        }
+    }
+
+    fn write_history(&mut self) {
+        let totals = self.totals();
+        if let (Some((pressure, _)), Some(temperature)) = (
+            self.pressures_between(self.last_point, totals),
+            self.temperature(),
+        ) {
+            let span = totals.time - self.last_point.time;
+            self.history.push(HistoryPoint {
+                time: totals.time,
+                temperature,
+                pressure,
+                pair_rate: (totals.pair_collisions - self.last_point.pair_collisions) as f64 / span,
+                queue_length: self.engine.queue_length() as f64,
+            });
+        }
+        self.last_point = totals;
+    }
+
+    fn temperature(&self) -> Option<f64> {
+        let card = &self.setting.card;
+        let degrees_of_freedom = 3.0 * card.ball_count as f64;
+        (card.ball_count > 0).then(|| {
+            2.0 * self.survey.kinetic_energy / (degrees_of_freedom * card.units.boltzmann())
+        })
+    }
+
+    fn publish(&mut self, state_hash: Option<u64>) {
+        self.sequence += 1;
+        self.published = Instant::now();
+        let card = &self.setting.card;
+        let state = self.engine.state();
+        let counters = self.engine.counters();
+        let settled = Settled::of(state, &self.observer);
+        let balls = card.ball_count as f64;
+        let time = self.time();
+        let temperature = self.temperature();
+        let rates = self.meter.rates().filter(|_| self.phase == Phase::Running);
+        let pair_rate = settled.pair_rate.filter(|_| counters.pair_collisions > 0);
+        let [x, y, z] = card.size;
+        let thermal_energy =
+            temperature.map(|temperature| balls * card.units.boltzmann() * temperature);
+        self.slot.put(Snapshot {
+            sequence: self.sequence,
+            phase: self.phase.clone(),
+            reversed: self.reversed,
+            time,
+            wall_time_s: self.meter.wall_time(),
+            setup_time_s: Some(self.setup_time_s),
+            time_rate: rates.map(|(rate, _)| rate),
+            time_rate_limit: self.limit,
+            collisions_per_wall_second: rates.map(|(_, rate)| rate),
+            time_left_s: self
+                .setting
+                .options
+                .until
+                .and_then(|until| self.meter.time_left(time, until)),
+            counts: measure::counts(&counters),
+            temperature,
+            kinetic_energy: self.survey.kinetic_energy,
+            pressure: settled.pressure,
+            compressibility_factor: settled
+                .pressure
+                .wall
+                .zip(thermal_energy)
+                .map(|(p, nkt)| p * x * y * z / nkt),
+            collision_rate: pair_rate.map(|rate| 2.0 * rate / balls),
+            pair_rate,
+            wall_rate: settled.wall_rate,
+            mean_free_path: pair_rate
+                .zip(self.survey.mean_speed)
+                .map(|(rate, speed)| balls * speed / (2.0 * rate)),
+            energy_drift: self.survey.energy_drift,
+            momentum_drift: self.survey.momentum_drift,
+            virial_residual: self.survey.virial_residual,
+            max_overlap: self.observer.max_overlap,
+            speeds: self.survey.speeds.clone(),
+            queue_length: self.engine.queue_length() as u64,
+            queue_length_max: counters.queue_length_max,
+            peak_rss_bytes: measure::peak_memory(),
+            state_hash,
+            history: self.history.points(),
+            sample: self.watched.then(|| {
+                Arc::new(measure::sample(
+                    state,
+                    &self.setting.sampled,
+                    &self.setting.names,
+                ))
+            }),
+            ..self.setting.first_snapshot()
+        });
+    }
+}

@@ -51,16 +51,17 @@ pub(super) fn chart(
         width: area.width - LABELS - 1,
         ..area
     };
+    // A mean over two cells, and straight lines between: noise is not news.
+    let knots = resample(&series.points, usize::from(plot.width) / 2);
+    let Some((low, high)) = range(&knots, None).and(range(&knots, series.expected)) else {
+        put(buffer, area, (2, 0), "no history yet", theme::QUIET);
+        return;
+    };
     for row in 0..area.height {
         let end = row == 0 || row + 1 == area.height;
         let tick = if end { "┤" } else { "│" };
         put(buffer, area, (LABELS, row), tick, theme::QUIET);
     }
-    // A mean over two cells, and straight lines between: noise is not news.
-    let knots = resample(&series.points, usize::from(plot.width) / 2);
-    let Some((low, high)) = range(&knots, series.expected) else {
-        return;
-    };
     put_before(buffer, area, (LABELS, 0), &label(high), theme::QUIET);
     put_before(
         buffer,

@@ -38,6 +38,7 @@ pub(super) fn panel(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     let fastest = fastest(speeds);
     let columns = usize::from(plot.width);
     let measured: Vec<f64> = speeds.counts.iter().map(|count| *count as f64).collect();
+    let measured = calmed(&measured, &speeds.maxwell);
     let measured = rebin(&measured, speeds.bin_width, fastest, columns);
     let maxwell = rebin(&speeds.maxwell, speeds.bin_width, fastest, columns);
     let highest = measured.iter().chain(&maxwell).copied().fold(0.0, f64::max) * 1.04;
@@ -94,6 +95,21 @@ fn bins_below(bins: &[f64]) -> usize {
             sum >= (1.0 - TAIL) * total
         })
         .map_or(bins.len(), |place| place + 1)
+}
+
+/// Balls that the fullest bar should stand for.
+const ENOUGH: f64 = 40.0;
+
+/// Evens bins out in groups when the gas has too few balls for narrow ones.
+fn calmed(bins: &[f64], maxwell: &[f64]) -> Vec<f64> {
+    let fullest = maxwell.iter().copied().fold(1.0, f64::max);
+    let group = ((ENOUGH / fullest).ceil() as usize).clamp(1, bins.len().max(10) / 10);
+    bins.chunks(group)
+        .flat_map(|bins| {
+            let mean = bins.iter().sum::<f64>() / bins.len() as f64;
+            vec![mean; bins.len()]
+        })
+        .collect()
 }
 
 /// Shares bins out to columns in proportion to the overlap.

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules of the physics; each is a file, a directory, or both.
-const PHYSICS: [&str; 9] = [
+const PHYSICS: [&str; 11] = [
     "calendar",
     "cell_list",
     "collision",
@@ -16,6 +16,8 @@ const PHYSICS: [&str; 9] = [
     "observe",
     "state",
     "sum",
+    "time",
+    "units",
 ];
 
 /// What physics may not name: the world outside.

@@ -1,9 +1,33 @@
 //! Engines: what moves a [`crate::state::State`] forward in time.
 
-use crate::event::Participants;
-use crate::state::Time;
+use crate::event::{Collision, Participants};
+use crate::state::{State, Time};
 
 pub mod event_driven;
+
+/// What moves a gas forward in time: a function of its state, which alone decides what comes next.
+pub trait Engine: Send {
+    /// Its name, as `--engine` takes it.
+    fn name(&self) -> &'static str;
+
+    /// Runs up to and including `until`, reporting each collision. Where one call ends and the next begins changes nothing.
+    ///
+    /// # Errors
+    /// [`Stuck`] if a ball collides without end at one instant, as in a packing without room.
+    fn advance(&mut self, until: Time, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck>;
+
+    /// The gas.
+    fn state(&self) -> &State;
+
+    /// Negates all velocities.
+    fn reverse(&mut self);
+
+    /// What has been counted since the engine was made.
+    fn counters(&self) -> Counters;
+
+    /// Events waiting; zero for an engine without a queue.
+    fn queue_length(&self) -> usize;
+}
 
 /// What an engine has counted since it was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

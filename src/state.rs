@@ -44,12 +44,25 @@ impl Bodies {
 
     /// The one body that all balls share, if they do.
     pub fn uniform(&self) -> Option<Body> {
-        (self.kind_of.is_empty()).then(|| self.kinds[0])
+        if self.kind_of.is_empty() {
+            self.kinds.first().copied()
+        } else {
+            None
+        }
     }
 
     /// Whether any ball has an infinite mass and never moves.
     pub fn any_fixed(&self) -> bool {
         self.kinds.iter().any(|body| body.mass.is_infinite())
+    }
+
+    /// Mean radius of the balls \[length\]; zero if there are none.
+    pub fn mean_radius(&self) -> f64 {
+        let radius = |&kind: &u32| self.kinds[kind as usize].radius;
+        match self.uniform() {
+            Some(body) => body.radius,
+            None => self.kind_of.iter().map(radius).sum::<f64>() / self.kind_of.len().max(1) as f64,
+        }
     }
 
     /// Largest radius \[length\].

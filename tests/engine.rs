@@ -6,6 +6,7 @@ use common::{lattice, normal, seed_scene};
 use glam::{DVec3, IVec3};
 use moltop::collision::{collide, image_pair_time, plane_time, reflect, wall_time};
 use moltop::domain::{Boundary, Domain, Plane};
+use moltop::engine::Engine;
 use moltop::engine::event_driven::EventDriven;
 use moltop::event::{Collision, Participants, Wall};
 use moltop::observe::Observer;

@@ -18,7 +18,7 @@ use crate::calendar::Calendar;
 use crate::cell_list::{Cell, CellList, Company};
 use crate::collision::{collide, image_pair_time, pair_time, plane_time, reflect, wall_time};
 use crate::domain::Boundary;
-use crate::engine::{Counters, Stuck};
+use crate::engine::{Counters, Engine, Stuck};
 use crate::event::{Collision, Event, EventKind, Participants, Wall};
 use crate::state::{State, Time, Trajectory};
 
@@ -95,11 +95,8 @@ impl EventDriven {
     pub fn new(state: State) -> Self {
         let count = state.ball_count().max(1) as f64;
         let spacing = (state.domain.volume() / count).cbrt();
-        let mean_radius = (0..state.ball_count())
-            .map(|ball| state.bodies.of(ball).radius)
-            .sum::<f64>()
-            / count;
-        let width = (SPACINGS_PER_CELL * spacing).max(DIAMETERS_PER_CELL * 2.0 * mean_radius);
+        let width = (SPACINGS_PER_CELL * spacing)
+            .max(DIAMETERS_PER_CELL * 2.0 * state.bodies.mean_radius());
         Self::with_cell_width(state, width)
     }
 
@@ -122,74 +119,9 @@ impl EventDriven {
         engine
     }
 
-    /// The gas.
-    pub fn state(&self) -> &State {
-        &self.state
-    }
-
-    /// What has been counted.
-    pub fn counters(&self) -> Counters {
-        self.counters
-    }
-
-    /// Events in the calendar; at most one per ball.
-    pub fn queue_length(&self) -> usize {
-        self.calendar.len()
-    }
-
     /// Cells of the grid.
     pub fn cell_count(&self) -> usize {
         self.cells.cell_count()
-    }
-
-    /// Negates all velocities.
-    pub fn reverse(&mut self) {
-        self.state.reverse();
-        self.last_collision = None;
-        self.repeats.fill(0);
-        self.predict_everything();
-    }
-
-    /// Runs up to and including `until`, reporting each collision.
-    ///
-    /// # Errors
-    /// [`Stuck`] if a ball collides without end at one instant, as in a packing without room.
-    pub fn advance(
-        &mut self,
-        until: Time,
-        report: &mut dyn FnMut(&Collision),
-    ) -> Result<(), Stuck> {
-        while let Some(event) = self.calendar.first() {
-            if event.time >= REBASE_AFTER {
-                let next = self.base.saturating_add(event.time as u64).min(until.epoch);
-                if next > self.base {
-                    self.rebase(next);
-                    continue;
-                }
-            }
-            if event.time > until.relative_to(self.base) {
-                break;
-            }
-            let whole = event.time as u64;
-            self.state.now = Time {
-                epoch: self.base + whole,
-                local: event.time - whole as f64,
-            };
-            let ball = event.ball as usize;
-            match event.kind() {
-                EventKind::Crossing { axis } => self.cross(ball, axis),
-                EventKind::Wall(face) if self.state.domain.boundary == Boundary::Periodic => {
-                    self.leave_box(ball, face, report);
-                }
-                EventKind::Wall(wall) => self.hit_wall(ball, wall, report)?,
-                EventKind::Plane { plane } => self.hit_plane(ball, plane as usize, report)?,
-                EventKind::Pair { partner } => self.meet(ball, partner as usize, report)?,
-            }
-        }
-        if until > self.state.now {
-            self.state.now = until;
-        }
-        Ok(())
     }
 
     /// Makes cells, candidates and calendar from the state alone.
@@ -523,6 +455,65 @@ impl EventDriven {
             look(&self.state, &self.cells, ball, company, &mut best);
         });
         best
+    }
+}
+
+impl Engine for EventDriven {
+    fn name(&self) -> &'static str {
+        "event"
+    }
+
+    fn advance(&mut self, until: Time, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck> {
+        while let Some(event) = self.calendar.first() {
+            if event.time >= REBASE_AFTER {
+                let next = self.base.saturating_add(event.time as u64).min(until.epoch);
+                if next > self.base {
+                    self.rebase(next);
+                    continue;
+                }
+            }
+            if event.time > until.relative_to(self.base) {
+                break;
+            }
+            let whole = event.time as u64;
+            self.state.now = Time {
+                epoch: self.base + whole,
+                local: event.time - whole as f64,
+            };
+            let ball = event.ball as usize;
+            match event.kind() {
+                EventKind::Crossing { axis } => self.cross(ball, axis),
+                EventKind::Wall(face) if self.state.domain.boundary == Boundary::Periodic => {
+                    self.leave_box(ball, face, report);
+                }
+                EventKind::Wall(wall) => self.hit_wall(ball, wall, report)?,
+                EventKind::Plane { plane } => self.hit_plane(ball, plane as usize, report)?,
+                EventKind::Pair { partner } => self.meet(ball, partner as usize, report)?,
+            }
+        }
+        if until > self.state.now {
+            self.state.now = until;
+        }
+        Ok(())
+    }
+
+    fn state(&self) -> &State {
+        &self.state
+    }
+
+    fn reverse(&mut self) {
+        self.state.reverse();
+        self.last_collision = None;
+        self.repeats.fill(0);
+        self.predict_everything();
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    fn queue_length(&self) -> usize {
+        self.calendar.len()
     }
 }
 

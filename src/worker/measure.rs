@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::domain::Boundary;
 use crate::engine::Counters;
 use crate::observe::Observer;
 use crate::observe::speeds::Speeds;
@@ -16,6 +17,8 @@ const MOST_SAMPLED: usize = 20_000;
 pub struct Survey {
     /// Kinetic energy \[energy\].
     pub kinetic_energy: f64,
+    /// `k T` \[energy\]; `None` if no ball can move.
+    pub thermal_energy: Option<f64>,
     /// Relative change of energy.
     pub energy_drift: Option<f64>,
     /// Relative momentum not explained by the walls.
@@ -36,6 +39,9 @@ impl Survey {
         let speeds = Speeds::of(state);
         Self {
             kinetic_energy: state.kinetic_energy() * state.units.energy(),
+            thermal_energy: state
+                .thermal_energy()
+                .map(|energy| energy * state.units.energy()),
             energy_drift: drift.energy,
             momentum_drift: drift.momentum,
             virial_residual: drift.virial,
@@ -71,53 +77,76 @@ impl Settled {
             return Self::default();
         };
         let time = averages.duration * state.units.time;
-        let walls = Walls::of(state);
+        let pressures = Pressures::of(state);
         let settled = averages.settled;
+        let per_epoch = |amount: f64| amount / averages.duration;
+        let wall_error = averages.wall_error.and_then(|error| pressures.wall(error));
+        let virial_error = averages
+            .virial_error
+            .and_then(|error| pressures.virial_share(error));
         Self {
             pressure: Pressure {
-                wall: Some(walls.wall_pressure(settled.wall_impulse / averages.duration)),
-                virial: Some(walls.virial_pressure(
-                    observer.ledger.kinetic_energy(),
-                    settled.pair_virial / averages.duration,
-                )),
-                standard_error: averages.wall_error.map(|error| walls.wall_pressure(error)),
+                wall: pressures.wall(per_epoch(settled.wall_impulse)),
+                virial: pressures.virial(per_epoch(settled.pair_virial)),
+                standard_error: wall_error.or(virial_error),
             },
             pair_rate: Some(settled.pair_collisions as f64 / time),
-            wall_rate: Some(settled.wall_collisions as f64 / time),
+            wall_rate: (state.domain.boundary == Boundary::Container)
+                .then(|| settled.wall_collisions as f64 / time),
         }
     }
 }
 
-/// What turns momentum into pressure.
+/// What turns momentum into pressure, as far as the scene has one: both in a container, the virial's alone in a periodic
+/// box, neither in open space.
 #[derive(Clone, Copy, Debug)]
-pub struct Walls {
-    area: f64,
-    volume_of_centers: f64,
+pub struct Pressures {
+    wall_area: Option<f64>,
+    /// Volume open to the centres, and the kinetic part `N k T` of `p V`.
+    open: Option<(f64, f64)>,
     scale: f64,
 }
 
-impl Walls {
-    /// The walls of the state's container.
+impl Pressures {
+    /// The pressures that the state's domain has.
     pub fn of(state: &State) -> Self {
-        let open = state.domain.half_size - state.bodies.largest_radius();
+        let count = (0..state.ball_count())
+            .filter(|&ball| state.bodies.of(ball).mass.is_finite())
+            .count() as f64;
+        let kinetic = state.thermal_energy().map_or(0.0, |energy| count * energy);
+        let edges = match state.domain.boundary {
+            Boundary::Container => {
+                Some(2.0 * (state.domain.half_size - state.bodies.mean_radius()))
+            }
+            Boundary::Periodic => Some(state.domain.period()),
+            Boundary::Open => None,
+        };
         Self {
-            area: state.domain.wall_area(),
-            volume_of_centers: 8.0 * open.x * open.y * open.z,
+            wall_area: (state.domain.boundary == Boundary::Container)
+                .then(|| state.domain.wall_area()),
+            open: edges.map(|edges| (edges.element_product(), kinetic)),
             scale: state.units.pressure(),
         }
     }
 
     /// Force per physical wall area, in the scene's units, from an internal force on all walls.
-    pub fn wall_pressure(&self, force: f64) -> f64 {
-        force / self.area * self.scale
+    pub fn wall(&self, force: f64) -> Option<f64> {
+        self.wall_area.map(|area| force / area * self.scale)
     }
 
-    /// `(2 K + virial rate) / 3 V`, on the volume open to the centres, in the scene's units.
+    /// `(N k T + virial rate / 3) / V`, on the volume open to the centres, in the scene's units.
     ///
     /// Source: numerically identical to the wall pressure on the area open to the centres, but for the change of the radial
     /// momentum, which is bounded (derived here).
-    pub fn virial_pressure(&self, kinetic_energy: f64, virial_rate: f64) -> f64 {
-        (2.0 * kinetic_energy + virial_rate) / (3.0 * self.volume_of_centers) * self.scale
+    pub fn virial(&self, virial_rate: f64) -> Option<f64> {
+        self.open
+            .map(|(volume, kinetic)| (kinetic + virial_rate / 3.0) / volume * self.scale)
+    }
+
+    /// The share of [`Self::virial`] that the collisions make.
+    pub fn virial_share(&self, virial_rate: f64) -> Option<f64> {
+        self.open
+            .map(|(volume, _)| virial_rate / 3.0 / volume * self.scale)
     }
 }
 

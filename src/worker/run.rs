@@ -5,11 +5,11 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use super::measure::{self, Settled, Survey, Walls};
+use super::measure::{self, Pressures, Settled, Survey};
 use super::pace::{Meter, Slices};
 use super::{Options, Slot};
-use crate::engine::Stuck;
 use crate::engine::event_driven::EventDriven;
+use crate::engine::{Engine, Stuck};
 use crate::feed::Command;
 use crate::history::History;
 use crate::observe::Observer;
@@ -114,9 +114,9 @@ struct Run<'a> {
     setting: &'a Setting,
     inbox: &'a Receiver<Command>,
     slot: &'a Slot,
-    engine: EventDriven,
+    engine: Box<dyn Engine>,
     observer: Observer,
-    walls: Walls,
+    pressures: Pressures,
     survey: Survey,
     survey_due: Instant,
     meter: Meter,
@@ -156,9 +156,9 @@ pub fn run(
         setting,
         inbox,
         slot,
-        walls: Walls::of(&state),
+        pressures: Pressures::of(&state),
         slices: Slices::new(FIRST_SLICE * state.units.time),
-        engine: EventDriven::new(state),
+        engine: Box::new(EventDriven::new(state)),
         observer,
         survey,
         survey_due,
@@ -336,18 +336,15 @@ impl Run<'_> {
         }
     }
 
-    /// Wall and virial pressure between two moments.
-    fn pressures_between(&self, from: Totals, to: Totals) -> Option<(f64, f64)> {
+    /// Wall and virial pressure between two moments, as far as the scene has them.
+    fn pressures_between(&self, from: Totals, to: Totals) -> (Option<f64>, Option<f64>) {
         let epochs = (to.time - from.time) / self.engine.state().units.time;
-        (epochs > 0.0).then(|| {
-            let wall = (to.wall_impulse - from.wall_impulse) / epochs;
-            let virial = (to.pair_virial - from.pair_virial) / epochs;
-            let kinetic_energy = self.observer.ledger.kinetic_energy();
-            (
-                self.walls.wall_pressure(wall),
-                self.walls.virial_pressure(kinetic_energy, virial),
-            )
-        })
+        if epochs <= 0.0 {
+            return (None, None);
+        }
+        let wall = (to.wall_impulse - from.wall_impulse) / epochs;
+        let virial = (to.pair_virial - from.pair_virial) / epochs;
+        (self.pressures.wall(wall), self.pressures.virial(virial))
     }
 
     fn write_row(&mut self) {
@@ -359,8 +356,8 @@ impl Run<'_> {
             time: totals.time,
             wall_time_s: self.meter.wall_time(),
             temperature: self.temperature(),
-            pressure_wall: pressures.map(|(wall, _)| wall),
-            pressure_virial: pressures.map(|(_, virial)| virial),
+            pressure_wall: pressures.0,
+            pressure_virial: pressures.1,
             pair_collisions: counters.pair_collisions,
             wall_collisions: counters.wall_collisions,
             queue_length: self.engine.queue_length() as u64,
@@ -375,15 +372,13 @@ impl Run<'_> {
 
     fn write_history(&mut self) {
         let totals = self.totals();
-        if let (Some((pressure, _)), Some(temperature)) = (
-            self.pressures_between(self.last_point, totals),
-            self.temperature(),
-        ) {
-            let span = totals.time - self.last_point.time;
+        let (wall, virial) = self.pressures_between(self.last_point, totals);
+        let span = totals.time - self.last_point.time;
+        if let Some(temperature) = self.temperature().filter(|_| span > 0.0) {
             self.history.push(HistoryPoint {
                 time: totals.time,
                 temperature,
-                pressure,
+                pressure: wall.or(virial).unwrap_or(0.0),
                 pair_rate: (totals.pair_collisions - self.last_point.pair_collisions) as f64 / span,
                 queue_length: self.engine.queue_length() as f64,
             });
@@ -392,11 +387,9 @@ impl Run<'_> {
     }
 
     fn temperature(&self) -> Option<f64> {
-        let card = &self.setting.card;
-        let degrees_of_freedom = 3.0 * card.ball_count as f64;
-        (card.ball_count > 0).then(|| {
-            2.0 * self.survey.kinetic_energy / (degrees_of_freedom * card.units.boltzmann())
-        })
+        self.survey
+            .thermal_energy
+            .map(|energy| energy / self.setting.card.units.boltzmann())
     }
 
     fn publish(&mut self, state_hash: Option<u64>) {
@@ -412,8 +405,8 @@ impl Run<'_> {
         let rates = self.meter.rates().filter(|_| self.phase == Phase::Running);
         let pair_rate = settled.pair_rate.filter(|_| counters.pair_collisions > 0);
         let [x, y, z] = card.size;
-        let thermal_energy =
-            temperature.map(|temperature| balls * card.units.boltzmann() * temperature);
+        let thermal_energy = self.survey.thermal_energy.map(|energy| balls * energy);
+        let pressure = settled.pressure.wall.or(settled.pressure.virial);
         self.slot.put(Snapshot {
             sequence: self.sequence,
             phase: self.phase.clone(),
@@ -433,9 +426,7 @@ impl Run<'_> {
             temperature,
             kinetic_energy: self.survey.kinetic_energy,
             pressure: settled.pressure,
-            compressibility_factor: settled
-                .pressure
-                .wall
+            compressibility_factor: pressure
                 .zip(thermal_energy)
                 .map(|(p, nkt)| p * x * y * z / nkt),
             collision_rate: pair_rate.map(|rate| 2.0 * rate / balls),

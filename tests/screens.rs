@@ -99,6 +99,7 @@ fn the_help() {
     let mut app = watching(&Phase::Running, false);
     press(&mut app, KeyCode::Char('?'));
     golden("help", &app, 80, 24);
+    golden("help", &app, 40, 12);
 }
 
 #[test]

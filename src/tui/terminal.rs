@@ -154,8 +154,9 @@ impl Screen {
 
 impl Drop for Screen {
     fn drop(&mut self) {
-        *locked(&HOLDER) = None;
-        if self.alive {
+        // After a panic the hook has given the terminal back, and its words must not be overwritten.
+        let held = locked(&HOLDER).take().is_some();
+        if held && self.alive {
             // Writing to a Vec does not fail.
             let _ = queue!(
                 self.pending,
@@ -202,6 +203,7 @@ fn hook_panics() {
         let holder = *locked(&HOLDER);
         match holder {
             Some(thread) if thread == thread::current().id() => {
+                *locked(&HOLDER) = None;
                 let restored = execute!(
                     io::stdout(),
                     terminal::EndSynchronizedUpdate,

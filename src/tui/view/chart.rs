@@ -150,9 +150,15 @@ pub(super) fn resample(points: &[(f64, f64)], columns: usize) -> Vec<Option<f64>
     let (Some(first), Some(last), true) = (good().next(), good().next_back(), columns > 0) else {
         return vec![None; columns];
     };
-    let span = (last.0 - first.0).max(f64::MIN_POSITIVE);
+    let span = last.0 - first.0;
     for (time, value) in good() {
-        let place = ((time - first.0) / span * (columns - 1) as f64).ceil();
+        // A lonely point stands for all the time before it.
+        let part = if span > 0.0 {
+            (time - first.0) / span
+        } else {
+            1.0
+        };
+        let place = (part * (columns - 1) as f64).ceil();
         let sum = &mut sums[(place.max(0.0) as usize).min(columns - 1)];
         *sum = (sum.0 + value, sum.1 + 1);
     }
@@ -198,6 +204,11 @@ mod tests {
         let points = [(0.0, 1.0), (4.0, 5.0)];
         let values: Vec<f64> = resample(&points, 5).into_iter().flatten().collect();
         assert_eq!(values, [1.0, 5.0, 5.0, 5.0, 5.0]);
+    }
+
+    #[test]
+    fn a_lonely_point_fills_the_chart() {
+        assert_eq!(resample(&[(3.0, 7.0)], 3), [Some(7.0); 3]);
     }
 
     #[test]

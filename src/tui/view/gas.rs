@@ -8,7 +8,7 @@ use super::text::{framed_with_foot, put, title, width};
 use crate::snapshot::{Phase, Snapshot, Units};
 use crate::tui::app::App;
 use crate::tui::format::{count, plain, si};
-use crate::tui::picture::{Layer, Picture, Portion};
+use crate::tui::picture::{Layer, Mode, Picture, Portion};
 use crate::tui::theme::{self, Glyphs};
 use crate::tui::trails::mean_edge;
 
@@ -48,7 +48,12 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
         pane,
         glyphs,
     );
-    let remark = words(&picture.portion, snapshot, area.width.saturating_sub(10));
+    let remark = words(
+        &picture.portion,
+        app.mode,
+        snapshot,
+        area.width.saturating_sub(10),
+    );
     let inner = framed_with_foot(buffer, area, title("gas", &remark), &foot);
     for (index, (glyph, layer)) in picture.cells.iter().enumerate() {
         let at = (
@@ -65,7 +70,7 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
 }
 
 /// What of the gas is shown, in as many words as there is room for.
-fn words(portion: &Portion, snapshot: &Snapshot, room: u16) -> String {
+fn words(portion: &Portion, mode: Mode, snapshot: &Snapshot, room: u16) -> String {
     let units = snapshot.scene.units;
     let share = match portion.one_in {
         ..1.005 => "all".to_string(),
@@ -80,7 +85,11 @@ fn words(portion: &Portion, snapshot: &Snapshot, room: u16) -> String {
             }
         }
     };
-    let depth = portion.slab.map_or("whole depth".into(), |slab| {
+    let whole = match mode {
+        Mode::Slab => "whole depth",
+        Mode::Depth => "density over the whole depth",
+    };
+    let depth = portion.slab.map_or(whole.into(), |slab| {
         let edge = length(mean_edge(snapshot.scene.size), units, 3);
         format!("slab {} of {edge}", length(slab, units, 2))
     });

@@ -92,7 +92,7 @@ pub(super) fn rate(snapshot: &Snapshot) -> String {
 pub(super) fn left(snapshot: &Snapshot) -> String {
     match (&snapshot.phase, snapshot.until, snapshot.time_left_s) {
         (Phase::Finished, ..) => "done".into(),
-        (Phase::Failed(_), ..) => "stopped".into(),
+        (Phase::Failed(why), ..) => format!("stopped: {}", why.lines().next().unwrap_or_default()),
         (_, None, _) => String::new(),
         (_, _, Some(range)) => format!("left {}", duration_range(range)),
         (_, _, None) => format!("left {MISSING}"),

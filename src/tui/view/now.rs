@@ -54,7 +54,9 @@ pub(super) fn panel(_app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Bu
         );
         row += 1;
         if !entry.theory.is_empty() {
-            put(buffer, inner, (0, row), &entry.theory, theme::THEORY);
+            let known = !entry.theory.ends_with(MISSING);
+            let style = if known { theme::THEORY } else { theme::QUIET };
+            put(buffer, inner, (0, row), &entry.theory, style);
             put_before(
                 buffer,
                 inner,

@@ -46,14 +46,35 @@ const MARKS: [&str; 5] = [
 fn help(area: Rect, buffer: &mut Buffer) {
     let mut lines: Vec<String> = KEYS
         .iter()
-        .map(|binding| {
-            let pad = " ".repeat(usize::from(7_u16.saturating_sub(width(binding.shown))));
-            format!("{}{pad}{}", binding.shown, binding.help)
-        })
+        .map(|binding| format!("{}{}", padded(binding.shown, 7), binding.help))
         .collect();
     lines.push(String::new());
     lines.extend(MARKS.map(String::from));
+    let widest = lines.iter().map(|line| width(line)).max().unwrap_or(0);
+    if widest + 4 > area.width || lines.len() as u16 + 2 > area.height {
+        lines = short_help();
+    }
     show("help", &lines, theme::VALUE, area, buffer);
+}
+
+/// The keys in two columns of few words, for a small window.
+fn short_help() -> Vec<String> {
+    let rows = KEYS.len().div_ceil(2);
+    let words = |index: usize| {
+        KEYS.get(index).map_or(String::new(), |binding| {
+            format!("{}{}", padded(binding.shown, 6), binding.short)
+        })
+    };
+    let mut lines: Vec<String> = (0..rows)
+        .map(|row| format!("{}{}", padded(&words(row), 20), words(row + rows)))
+        .collect();
+    lines.extend([String::new(), "any key closes this help".into()]);
+    lines
+}
+
+fn padded(text: &str, columns: u16) -> String {
+    let blanks = columns.saturating_sub(width(text));
+    format!("{text}{}", " ".repeat(usize::from(blanks)))
 }
 
 fn failure(why: &str, area: Rect, buffer: &mut Buffer) {

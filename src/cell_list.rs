@@ -1,47 +1,84 @@
-//! A uniform grid over a container. Each ball is listed in every cell that it reaches into, so two balls that touch always
+//! A uniform grid over the box. Each ball is listed in every cell that it reaches into, so two balls that touch always
 //! share a cell (the one that holds their contact point) and only balls of one cell need to be looked at together.
 //!
 //! What always holds: a ball's listed cells cover its reach, from its last update until it next reaches into a new cell.
-//! Cells it has left are dropped at its next update; a cell listed too long costs time, never a collision.
+//! Cells it has left are dropped at its next update; a cell listed too long costs time, never a collision. A large ball is
+//! listed in many cells, so balls of very different sizes share one grid. In a periodic box cells are counted on beyond the
+//! faces and stored where they wrap to; in open space the outermost cells reach to infinity.
 //!
 //! Idea: the dilated cells of the windowed method (derived here for event queues); it needs no neighbourhood of 27 cells, which
 //! in a dilute gas, where cells are much wider than balls, leaves one or two lists to read where that scheme reads nine.
 
-use glam::DVec3;
+use glam::{DVec3, IVec3};
 
+use crate::domain::{Boundary, Domain};
 use crate::state::Trajectory;
 
 /// Margin around a ball, in cell widths: far above rounding, far below anything that costs.
 const SLACK: f64 = 1.0 / (1 << 20) as f64;
 
+/// Most cells along an axis.
+const MOST_PER_AXIS: f64 = 16_000.0;
+
+/// A cell by its place along each axis; in a periodic box it may lie beyond the faces.
+pub type Cell = [i16; 3];
+
 /// A box of cells, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CellRange {
-    /// Lowest cell along each axis.
-    pub low: [u16; 3],
-    /// Highest cell along each axis.
-    pub high: [u16; 3],
+struct CellRange {
+    low: Cell,
+    high: Cell,
 }
 
 impl CellRange {
-    fn contains(&self, cell: [u16; 3]) -> bool {
-        (0..3).all(|axis| self.low[axis] <= cell[axis] && cell[axis] <= self.high[axis])
+    #[inline]
+    fn for_each(self, mut visit: impl FnMut(Cell)) {
+        for x in self.low[0]..=self.high[0] {
+            for y in self.low[1]..=self.high[1] {
+                for z in self.low[2]..=self.high[2] {
+                    visit([x, y, z]);
+                }
+            }
+        }
     }
 
-    fn cells(self) -> impl Iterator<Item = [u16; 3]> {
-        let [x, y, z] = std::array::from_fn(|axis| self.low[axis]..=self.high[axis]);
-        x.flat_map(move |x| {
-            let z = z.clone();
-            y.clone()
-                .flat_map(move |y| z.clone().map(move |z| [x, y, z]))
-        })
+    /// Visits the cells of this box that are not in `other`, as up to six boxes.
+    #[inline]
+    fn for_each_outside(mut self, other: Self, mut visit: impl FnMut(Cell)) {
+        for axis in 0..3 {
+            if self.high[axis] < other.low[axis] || other.high[axis] < self.low[axis] {
+                return self.for_each(visit);
+            }
+            if self.low[axis] < other.low[axis] {
+                let mut part = self;
+                part.high[axis] = other.low[axis] - 1;
+                part.for_each(&mut visit);
+                self.low[axis] = other.low[axis];
+            }
+            if self.high[axis] > other.high[axis] {
+                let mut part = self;
+                part.low[axis] = other.high[axis] + 1;
+                part.for_each(&mut visit);
+                self.high[axis] = other.high[axis];
+            }
+        }
     }
+}
+
+/// The balls of one cell, as a ball that reaches into it sees them.
+#[derive(Clone, Copy, Debug)]
+pub struct Company<'a> {
+    /// The balls, the looking one perhaps among them, some perhaps twice.
+    pub balls: &'a [u32],
+    /// The cell as the looking ball counts it, if balls in it may be seen at an image; `None` where none can.
+    pub at_face: Option<Cell>,
 }
 
 /// Which balls reach into which cell.
 #[derive(Clone, Debug)]
 pub struct CellList {
-    cell_counts: [u16; 3],
+    boundary: Boundary,
+    cell_counts: Cell,
     half_size: DVec3,
     width: DVec3,
     per_width: DVec3,
@@ -54,23 +91,27 @@ pub struct CellList {
 }
 
 impl CellList {
-    /// An empty grid over the box from `-half_size` to `half_size`, with cells at least `width` wide and at most
-    /// `4 * ball_count + 1` in number.
-    pub fn new(half_size: DVec3, width: f64, ball_count: usize) -> Self {
-        let most_per_axis = ((4 * ball_count + 1) as f64).cbrt().max(1.0);
-        let count = |axis: usize| {
-            ((2.0 * half_size[axis] / width).floor()).clamp(1.0, most_per_axis.min(65_535.0)) as u16
+    /// An empty grid over a domain's box, with cells at least `width` wide and at most `4 * ball_count + 1` in number.
+    pub fn new(domain: &Domain, width: f64, ball_count: usize) -> Self {
+        let edges = 2.0 * domain.half_size;
+        let most = (4 * ball_count + 1) as f64;
+        let counts_at = |width: f64| {
+            (edges / width)
+                .floor()
+                .clamp(DVec3::ONE, DVec3::splat(MOST_PER_AXIS))
         };
-        let cell_counts: [u16; 3] = std::array::from_fn(count);
-        let cells: usize = cell_counts
-            .iter()
-            .map(|&count| usize::from(count))
-            .product();
-        let width = 2.0 * half_size / DVec3::from_array(cell_counts.map(f64::from));
+        let mut width = width;
+        while counts_at(width).element_product() > most {
+            width *= 1.05;
+        }
+        let counts = counts_at(width);
+        let cells = counts.element_product() as usize;
+        let width = edges / counts;
         let capacity = (3 * ball_count / cells).next_multiple_of(16).max(16);
         Self {
-            cell_counts,
-            half_size,
+            boundary: domain.boundary,
+            cell_counts: counts.to_array().map(|count| count as i16),
+            half_size: domain.half_size,
             width,
             per_width: 1.0 / width,
             slack: SLACK * width.min_element(),
@@ -91,20 +132,19 @@ impl CellList {
         self.lengths.len()
     }
 
-    /// The cells that a ball is listed in.
-    #[inline]
-    pub fn range(&self, ball: usize) -> CellRange {
-        self.ranges[ball]
-    }
-
     /// The cells that a ball of this radius reaches into at a position.
     #[inline]
     fn range_at(&self, position: DVec3, radius: f64) -> CellRange {
         let reach = DVec3::splat(radius + self.slack);
         let cell = |corner: DVec3| {
             let place = (corner + self.half_size) * self.per_width;
+            let periodic = self.boundary == Boundary::Periodic;
             std::array::from_fn(|axis| {
-                (place[axis].max(0.0) as u16).min(self.cell_counts[axis] - 1)
+                if periodic {
+                    place[axis].floor() as i16
+                } else {
+                    (place[axis].max(0.0) as i16).min(self.cell_counts[axis] - 1)
+                }
             })
         };
         CellRange {
@@ -118,9 +158,7 @@ impl CellList {
         let ball = self.ranges.len() as u32;
         let range = self.range_at(position, radius);
         self.ranges.push(range);
-        for cell in range.cells() {
-            self.insert(cell, ball);
-        }
+        range.for_each(|cell| self.insert(cell, ball));
     }
 
     /// Lists a ball exactly where it now reaches, after its flight has changed.
@@ -128,8 +166,8 @@ impl CellList {
         self.replace(ball, self.range_at(position, radius), |_, _| {});
     }
 
-    /// When a flying ball reaches into the next cell along an axis, in epochs since the flight began; `None` if its next stop
-    /// on that axis is the wall of the container, or if it does not move along it.
+    /// When a flying ball reaches into the next cell along an axis, in epochs since the flight began; `None` if there is no
+    /// further cell on that axis, or if it does not move along it.
     #[inline]
     pub fn crossing(
         &self,
@@ -141,13 +179,14 @@ impl CellList {
         let range = &self.ranges[ball];
         let speed = trajectory.velocity[axis];
         let reach = radius + self.slack;
+        let endless = self.boundary == Boundary::Periodic;
         let target = if speed > 0.0 {
-            if range.high[axis] == self.cell_counts[axis] - 1 {
+            if !endless && range.high[axis] == self.cell_counts[axis] - 1 {
                 return None;
             }
             f64::from(range.high[axis] + 1) * self.width[axis] - self.half_size[axis] - reach
         } else {
-            if range.low[axis] == 0 || speed == 0.0 {
+            if (!endless && range.low[axis] == 0) || speed == 0.0 {
                 return None;
             }
             f64::from(range.low[axis]) * self.width[axis] - self.half_size[axis] + reach
@@ -156,22 +195,21 @@ impl CellList {
     }
 
     /// Lists a ball in the cells it reaches into at a crossing along `axis`, drops those it has left, and hands each new
-    /// cell's other balls to `meet`.
+    /// cell's company to `meet`.
     #[inline]
     pub fn cross(
         &mut self,
         ball: usize,
-        position: DVec3,
-        velocity: DVec3,
+        (position, velocity): (DVec3, DVec3),
         radius: f64,
         axis: usize,
-        meet: impl FnMut(&[u32]),
+        meet: impl FnMut(&Self, Company),
     ) {
         let listed = self.ranges[ball];
         let mut range = self.range_at(position, radius);
         for other in 0..3 {
             // The leading side moves by counting, so that rounding can neither skip nor repeat a cell.
-            let step = u16::from(other == axis);
+            let step = i16::from(other == axis);
             let (low, high) = (listed.low[other], listed.high[other]);
             if velocity[other] > 0.0 {
                 range.high[other] = high + step;
@@ -183,51 +221,75 @@ impl CellList {
                 (range.low[other], range.high[other]) = (low, high);
             }
         }
-        let mut meet = meet;
-        self.replace(ball, range, |cells, place| meet(cells.balls_at(place)));
+        self.replace(ball, range, meet);
     }
 
-    /// The balls of each cell that a ball is listed in, itself included.
+    /// Visits the company in each cell that a ball is listed in.
     #[inline]
-    pub fn companions(&self, ball: usize) -> impl Iterator<Item = &[u32]> {
-        self.ranges[ball]
-            .cells()
-            .map(|cell| self.balls_at(self.place(cell)))
+    pub fn for_each_company(&self, ball: usize, mut visit: impl FnMut(Company)) {
+        self.ranges[ball].for_each(|cell| visit(self.company(cell)));
+    }
+
+    /// The images at which a ball listed in a cell is seen by one that counts the cell as `cell`: how many boxes to move the
+    /// looking ball so that both are counted alike.
+    pub fn images(&self, cell: Cell, ball: u32) -> impl Iterator<Item = IVec3> {
+        let range = self.ranges[ball as usize];
+        let shifts: [_; 3] = std::array::from_fn(|axis| {
+            let count = i32::from(self.cell_counts[axis]);
+            let from =
+                (i32::from(range.low[axis]) - i32::from(cell[axis]) + count - 1).div_euclid(count);
+            let to = (i32::from(range.high[axis]) - i32::from(cell[axis])).div_euclid(count);
+            from..=to
+        });
+        let [x, y, z] = shifts;
+        x.flat_map(move |x| {
+            let z = z.clone();
+            y.clone()
+                .flat_map(move |y| z.clone().map(move |z| IVec3::new(x, y, z)))
+        })
+    }
+
+    #[inline]
+    fn company(&self, cell: Cell) -> Company<'_> {
+        let inside = |axis: usize| 0 < cell[axis] && cell[axis] < self.cell_counts[axis] - 1;
+        let at_face = self.boundary == Boundary::Periodic && !(0..3).all(inside);
+        let place = self.place(cell);
+        Company {
+            balls: &self.balls[place * self.capacity..][..self.lengths[place] as usize],
+            at_face: at_face.then_some(cell),
+        }
     }
 
     /// Moves a ball from its old cells to new ones; `entered` sees each new cell before the ball is in it.
     #[inline]
-    fn replace(&mut self, ball: usize, range: CellRange, mut entered: impl FnMut(&Self, usize)) {
+    fn replace(&mut self, ball: usize, range: CellRange, mut entered: impl FnMut(&Self, Company)) {
         let listed = self.ranges[ball];
         if listed == range {
             return;
         }
-        for cell in listed.cells() {
-            if !range.contains(cell) {
-                self.remove(cell, ball as u32);
-            }
-        }
-        for cell in range.cells() {
-            if !listed.contains(cell) {
-                entered(self, self.place(cell));
-                self.insert(cell, ball as u32);
-            }
-        }
+        listed.for_each_outside(range, |cell| self.remove(cell, ball as u32));
+        range.for_each_outside(listed, |cell| {
+            entered(self, self.company(cell));
+            self.insert(cell, ball as u32);
+        });
         self.ranges[ball] = range;
     }
 
     #[inline]
-    fn place(&self, [x, y, z]: [u16; 3]) -> usize {
-        let [_, count_y, count_z] = self.cell_counts.map(usize::from);
-        (usize::from(x) * count_y + usize::from(y)) * count_z + usize::from(z)
+    fn place(&self, cell: Cell) -> usize {
+        let [x, y, z] = std::array::from_fn(|axis| {
+            let (place, count) = (cell[axis], self.cell_counts[axis]);
+            (if 0 <= place && place < count {
+                place
+            } else {
+                place.rem_euclid(count)
+            }) as usize
+        });
+        let [_, count_y, count_z] = self.cell_counts.map(|count| count as usize);
+        (x * count_y + y) * count_z + z
     }
 
-    #[inline]
-    fn balls_at(&self, place: usize) -> &[u32] {
-        &self.balls[place * self.capacity..][..self.lengths[place] as usize]
-    }
-
-    fn insert(&mut self, cell: [u16; 3], ball: u32) {
+    fn insert(&mut self, cell: Cell, ball: u32) {
         let place = self.place(cell);
         if self.lengths[place] as usize == self.capacity {
             self.widen();
@@ -236,7 +298,7 @@ impl CellList {
         self.lengths[place] += 1;
     }
 
-    fn remove(&mut self, cell: [u16; 3], ball: u32) {
+    fn remove(&mut self, cell: Cell, ball: u32) {
         let place = self.place(cell);
         let length = self.lengths[place] as usize;
         let balls = &mut self.balls[place * self.capacity..][..length];

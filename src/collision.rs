@@ -9,6 +9,7 @@
 
 use glam::DVec3;
 
+use crate::domain::Plane;
 use crate::state::{Time, Trajectory};
 
 /// Share of `|r|^2 |v|^2` by which the quick rejection may be wrong through rounding, with a wide margin.
@@ -17,27 +18,54 @@ const REJECTION_MARGIN: f64 = 1e-12;
 /// When two balls whose centres are `contact` apart at contact meet, if both fly on freely.
 ///
 /// Symmetric in its two trajectories, bit for bit. Balls that already overlap and approach meet at the later of their begins.
-#[inline]
+#[inline(always)]
 pub fn pair_time(first: &Trajectory, second: &Trajectory, contact: f64) -> Option<Time> {
+    let (begin, separation) = separation_at_later_begin(first, second);
+    begin.after(approach_time(
+        separation,
+        first.velocity - second.velocity,
+        contact,
+    )?)
+}
+
+/// Like [`pair_time`], with the first ball moved by `shift`, to one of its images in a periodic box.
+#[inline]
+pub fn image_pair_time(
+    first: &Trajectory,
+    second: &Trajectory,
+    contact: f64,
+    shift: DVec3,
+) -> Option<Time> {
+    let (begin, separation) = separation_at_later_begin(first, second);
+    begin.after(approach_time(
+        separation + shift,
+        first.velocity - second.velocity,
+        contact,
+    )?)
+}
+
+/// The later begin of two flights, and the way from the second ball to the first then.
+#[inline(always)]
+fn separation_at_later_begin(first: &Trajectory, second: &Trajectory) -> (Time, DVec3) {
     let lead = first.begin.since(second.begin);
-    // At the later begin one ball is at its reference, the other has flown since its own.
+    // One ball is at its reference, the other has flown since its own.
     let position =
         |trajectory: &Trajectory, flown: f64| trajectory.position + trajectory.velocity * flown;
     let separation = position(first, (-lead).max(0.0)) - position(second, lead.max(0.0));
-    let velocity = first.velocity - second.velocity;
-    let duration = approach_time(separation, velocity, contact)?;
-    let begin = if lead < 0.0 {
-        second.begin
-    } else {
-        first.begin
-    };
-    begin.after(duration)
+    (
+        if lead < 0.0 {
+            second.begin
+        } else {
+            first.begin
+        },
+        separation,
+    )
 }
 
 /// Time until two points at `separation`, moving apart with `velocity`, are `contact` apart; `None` if never.
 ///
 /// Zero if they are closer than that and approach.
-#[inline]
+#[inline(always)] // the rejections must stand in the caller's loop: most pairs end there
 pub fn approach_time(separation: DVec3, velocity: DVec3, contact: f64) -> Option<f64> {
     let radial = separation.dot(velocity);
     if !(radial < 0.0) {
@@ -52,10 +80,19 @@ pub fn approach_time(separation: DVec3, velocity: DVec3, contact: f64) -> Option
     {
         return None;
     }
-    let distance = distance_squared.sqrt();
+    contact_time(separation, velocity, contact)
+}
+
+/// The rest of [`approach_time`], for points that approach and do not miss by far.
+#[inline(never)]
+fn contact_time(separation: DVec3, velocity: DVec3, contact: f64) -> Option<f64> {
+    let radial = separation.dot(velocity);
+    let speed_squared = velocity.length_squared();
+    let distance = separation.length();
     let gap = distance - contact;
     if gap <= 0.0 {
-        return Some(0.0);
+        // Two points at one place are not in each other's way.
+        return (contact > 0.0).then_some(0.0);
     }
     let closest_approach = separation - velocity * (radial / speed_squared);
     let depth = contact - closest_approach.length();
@@ -78,6 +115,40 @@ pub fn wall_time(trajectory: &Trajectory, axis: usize, limit: f64) -> Option<Tim
     trajectory
         .begin
         .after(((limit - trajectory.position[axis]) / speed).max(0.0))
+}
+
+/// When a ball touches a plane, from the side it is on (`upper`: the side that the normal points to).
+///
+/// A ball that touches or reaches through it and moves on towards the other side is there at its begin. `None` if it recedes
+/// or flies parallel.
+#[inline]
+pub fn plane_time(
+    trajectory: &Trajectory,
+    plane: &Plane,
+    upper: bool,
+    radius: f64,
+) -> Option<Time> {
+    let side = if upper { 1.0 } else { -1.0 };
+    let approach = -side * plane.normal.dot(trajectory.velocity);
+    if !(approach > 0.0) {
+        return None;
+    }
+    let gap = side * plane.distance(trajectory.position) - radius;
+    trajectory.begin.after((gap / approach).max(0.0))
+}
+
+/// Velocity after an elastic collision with a plane, from the side the ball is on.
+///
+/// The normal component gets the sign that leads away: a repeated event cannot push the ball through.
+#[inline]
+pub fn reflect(velocity: DVec3, plane: &Plane, upper: bool) -> DVec3 {
+    let normal_speed = plane.normal.dot(velocity);
+    let away = if upper {
+        normal_speed.abs()
+    } else {
+        -normal_speed.abs()
+    };
+    velocity + plane.normal * (away - normal_speed)
 }
 
 /// Velocities after an elastic collision of two balls, `separation` being the first centre minus the second.
@@ -219,6 +290,39 @@ mod tests {
             [f64::INFINITY, 1.0],
         );
         assert_eq!(after, [DVec3::ZERO, DVec3::new(-0.5, 0.25, 0.0)]);
+    }
+
+    #[test]
+    fn a_plane_is_met_from_either_side_at_the_balls_radius() {
+        let plane = Plane {
+            normal: DVec3::new(0.6, 0.8, 0.0),
+            offset: 0.5,
+        };
+        let above = flight([0.6 * 3.5, 0.8 * 3.5, 7.0], [-0.6, -0.8, 2.0], 0.0);
+        assert!(
+            (plane_time(&above, &plane, true, 1.0)
+                .expect("it comes")
+                .relative_to(0)
+                - 2.0)
+                .abs()
+                < 1e-14
+        );
+        assert_eq!(plane_time(&above, &plane, false, 1.0), None);
+        let below = flight([-0.6, -0.8, 0.0], [0.6, 0.8, 0.0], 0.0);
+        assert!(
+            (plane_time(&below, &plane, false, 0.5)
+                .expect("it comes")
+                .relative_to(0)
+                - 1.0)
+                .abs()
+                < 1e-14
+        );
+        let after = reflect(above.velocity, &plane, true);
+        assert!((after - DVec3::new(0.6, 0.8, 2.0)).length() < 1e-15);
+        assert!(
+            (reflect(after, &plane, true) - after).length() < 1e-15,
+            "a repeated event changes nothing"
+        );
     }
 
     #[test]

@@ -1,33 +1,90 @@
-//! Where the balls live, centred on the origin, in whatever unit the caller keeps.
+//! Where the balls live: a box with hard walls, a periodic box or open space, and planes that bound it further.
+//!
+//! Lengths are in whatever unit the caller keeps; positions are relative to the domain's centre.
 
 use glam::DVec3;
 
+/// What happens at the faces of the box.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Boundary {
+    /// Six hard walls.
+    Container,
+    /// A ball whose centre leaves through a face comes in through the opposite one.
+    Periodic,
+    /// Nothing: the box only says where the balls begin.
+    Open,
+}
+
+/// A hard plane through the domain; each ball stays on the side where it starts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// Unit vector perpendicular to the plane.
+    pub normal: DVec3,
+    /// Distance of the plane from the domain's centre along the normal \[length\]; may be negative.
+    pub offset: f64,
+}
+
+impl Plane {
+    /// Distance of a point from the plane, positive on the side that the normal points to \[length\].
+    #[inline]
+    pub fn distance(&self, position: DVec3) -> f64 {
+        self.normal.dot(position) - self.offset
+    }
+}
+
 /// The region open to the balls.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Domain {
-    /// Six hard walls; `half_size` is half the inner edge along each axis.
-    Container {
-        /// Distance from the centre to the walls \[length\].
-        half_size: DVec3,
-    },
+pub struct Domain {
+    /// What happens at the faces of the box.
+    pub boundary: Boundary,
+    /// Distance from the centre to the faces along each axis \[length\].
+    pub half_size: DVec3,
+    /// Planes inside the box.
+    pub planes: Vec<Plane>,
 }
 
 impl Domain {
-    /// Volume enclosed by the walls \[length^3\].
+    /// A box with hard walls and no planes.
+    pub fn container(half_size: DVec3) -> Self {
+        Self {
+            boundary: Boundary::Container,
+            half_size,
+            planes: Vec::new(),
+        }
+    }
+
+    /// The same domain with all lengths multiplied by `factor`.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let plane = |plane: &Plane| Plane {
+            offset: plane.offset * factor,
+            ..*plane
+        };
+        Self {
+            boundary: self.boundary,
+            half_size: self.half_size * factor,
+            planes: self.planes.iter().map(plane).collect(),
+        }
+    }
+
+    /// Volume of the box \[length^3\]; planes cut nothing off.
     pub fn volume(&self) -> f64 {
-        let Self::Container { half_size } = self;
-        8.0 * half_size.x * half_size.y * half_size.z
+        let half = self.half_size;
+        8.0 * half.x * half.y * half.z
     }
 
-    /// Inner area of all six walls \[length^2\].
+    /// Area of the six faces \[length^2\].
     pub fn wall_area(&self) -> f64 {
-        let Self::Container { half_size: h } = self;
-        8.0 * (h.x * h.y + h.y * h.z + h.z * h.x)
+        let half = self.half_size;
+        8.0 * (half.x * half.y + half.y * half.z + half.z * half.x)
     }
 
-    /// Half the edge along each axis \[length\].
-    pub fn half_size(&self) -> DVec3 {
-        let Self::Container { half_size } = self;
-        *half_size
+    /// Edges of the box if its images count, else zero: what one step to a neighbouring image adds to a position.
+    pub fn period(&self) -> DVec3 {
+        if self.boundary == Boundary::Periodic {
+            2.0 * self.half_size
+        } else {
+            DVec3::ZERO
+        }
     }
 }

@@ -12,6 +12,8 @@ pub struct Counters {
     pub pair_collisions: u64,
     /// Collisions with container walls.
     pub wall_collisions: u64,
+    /// Collisions with planes.
+    pub plane_collisions: u64,
     /// Balls reaching into a new cell.
     pub cell_crossings: u64,
     /// Queued collisions whose partner had changed course meanwhile.
@@ -41,7 +43,10 @@ impl std::fmt::Display for Stuck {
     fn fmt(&self, formatter: &mut std::fmt::Formatter) -> std::fmt::Result {
         let who = match self.participants {
             Participants::Pair(first, second) => format!("balls {first} and {second}"),
-            Participants::Wall(ball, _) => format!("ball {ball} and a wall"),
+            Participants::Wall(ball, _) | Participants::Face(ball, _) => {
+                format!("ball {ball} and a wall")
+            }
+            Participants::Plane(ball, plane) => format!("ball {ball} and plane {plane}"),
         };
         write!(
             formatter,

@@ -14,8 +14,13 @@ pub enum EventKind {
         /// 0, 1, 2 for x, y, z.
         axis: usize,
     },
-    /// It hits a container wall.
+    /// It hits a container wall, or its centre leaves a periodic box.
     Wall(Wall),
+    /// It hits a plane.
+    Plane {
+        /// Which of the domain's planes.
+        plane: u32,
+    },
     /// It hits another ball.
     Pair {
         /// The other ball.
@@ -23,7 +28,7 @@ pub enum EventKind {
     },
 }
 
-/// One of the six walls of a container.
+/// One of the six faces of a box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wall {
     /// The axis it is perpendicular to: 0, 1, 2 for x, y, z.
@@ -34,7 +39,7 @@ pub struct Wall {
 
 /// The next event of a ball, in 16 bytes.
 ///
-/// Events are ordered by time, then kind (crossings, walls, pairs), then the lower and the higher ball index, so that the order
+/// Events are ordered by time, then kind (crossings, walls, planes, pairs), then the lower and the higher ball index, so that the order
 /// of simultaneous collisions does not depend on who was scheduled first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
@@ -45,8 +50,14 @@ pub struct Event {
     code: u32,
 }
 
-/// Codes below this one are crossings and walls; the rest are partners, moved up by it.
-const FIRST_PARTNER: u32 = 9;
+/// Codes below this one are crossings and walls.
+const FIRST_PLANE: u32 = 9;
+
+/// Most planes a domain can have.
+pub const MAX_PLANE_COUNT: usize = 1000;
+
+/// Codes below this one are planes; the rest are partners, moved up by it.
+const FIRST_PARTNER: u32 = FIRST_PLANE + MAX_PLANE_COUNT as u32;
 
 /// Most balls a calendar can hold: their indices share 32 bits with the other kinds of event.
 pub const MAX_BALL_COUNT: usize = (u32::MAX - FIRST_PARTNER) as usize;
@@ -58,6 +69,7 @@ impl Event {
         let code = match kind {
             EventKind::Crossing { axis } => axis as u32,
             EventKind::Wall(Wall { axis, upper }) => 3 + 2 * axis as u32 + u32::from(upper),
+            EventKind::Plane { plane } => FIRST_PLANE + plane,
             EventKind::Pair { partner } => FIRST_PARTNER + partner,
         };
         Self { time, ball, code }
@@ -70,10 +82,13 @@ impl Event {
             axis @ 0..3 => EventKind::Crossing {
                 axis: axis as usize,
             },
-            wall @ 3..FIRST_PARTNER => EventKind::Wall(Wall {
+            wall @ 3..FIRST_PLANE => EventKind::Wall(Wall {
                 axis: (wall as usize - 3) / 2,
                 upper: wall % 2 == 0,
             }),
+            plane @ FIRST_PLANE..FIRST_PARTNER => EventKind::Plane {
+                plane: plane - FIRST_PLANE,
+            },
             partner => EventKind::Pair {
                 partner: partner - FIRST_PARTNER,
             },
@@ -91,7 +106,8 @@ impl Event {
         let key = |event: &Self| match event.kind() {
             EventKind::Crossing { .. } => (0, event.ball, event.code),
             EventKind::Wall(_) => (1, event.ball, event.code),
-            EventKind::Pair { partner } => (2, event.ball.min(partner), event.ball.max(partner)),
+            EventKind::Plane { .. } => (2, event.ball, event.code),
+            EventKind::Pair { partner } => (3, event.ball.min(partner), event.ball.max(partner)),
         };
         key(self).cmp(&key(other)).then(self.ball.cmp(&other.ball))
     }
@@ -104,6 +120,10 @@ pub enum Participants {
     Pair(u32, u32),
     /// A ball and a container wall.
     Wall(u32, Wall),
+    /// A ball and one of the domain's planes.
+    Plane(u32, u32),
+    /// No collision: a ball whose centre left a periodic box through a face and entered at the opposite one.
+    Face(u32, Wall),
 }
 
 /// A collision that has happened, as an engine reports it. Internal units.
@@ -115,9 +135,13 @@ pub struct Collision {
     pub participants: Participants,
     /// Momentum that the first participant received.
     pub impulse: DVec3,
-    /// `sum of r . dp` over the participating balls: what the collision adds to the virial.
+    /// Momentum that the gas received from outside: from walls, planes and fixed balls.
+    pub external: DVec3,
+    /// `sum of r . dp`, with `r` from the other ball's nearest image for pairs: what the pressure is made from.
     pub virial: f64,
-    /// Distance between the surfaces over the contact distance: negative for an overlap. Zero for walls.
+    /// Jump of `sum of m r . v`, with the positions as they are: what the ledger is made from.
+    pub radial_jump: f64,
+    /// Distance between the surfaces over the contact distance: negative for an overlap. Zero for walls and planes.
     pub gap: f64,
 }
 
@@ -136,7 +160,8 @@ mod tests {
         let crossings = (0..3).map(|axis| EventKind::Crossing { axis });
         let pairs =
             [0, 1, 704_968, MAX_BALL_COUNT as u32 - 1].map(|partner| EventKind::Pair { partner });
-        for kind in walls.chain(crossings).chain(pairs) {
+        let planes = [0, MAX_PLANE_COUNT as u32 - 1].map(|plane| EventKind::Plane { plane });
+        for kind in walls.chain(crossings).chain(planes).chain(pairs) {
             assert_eq!(Event::new(1.0, 7, kind).kind(), kind);
         }
     }

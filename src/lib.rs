@@ -31,6 +31,8 @@ pub mod event;
 pub mod observe;
 pub mod state;
 pub mod sum;
+pub mod time;
+pub mod units;
 
 // Edges.
 pub mod check;

@@ -222,7 +222,7 @@ impl Scene {
             units: self.units,
             ball_count: placement.positions.len(),
             packing_fraction: analysis::packing_fraction(placement),
-            size: (2.0 * self.domain.half_size()).to_array(),
+            size: (2.0 * self.domain.half_size).to_array(),
             center: self.center.to_array(),
             radius: radii.fold(0.0, f64::max),
             sample: self.sample,

@@ -6,6 +6,7 @@
 pub mod app;
 pub mod camera;
 pub mod format;
+pub mod frame;
 pub mod keys;
 pub mod picture;
 pub mod terminal;
@@ -26,7 +27,7 @@ use app::App;
 use terminal::Screen;
 
 /// How the dashboard is to look.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
     /// 7-bit characters only.
     pub ascii: bool,
@@ -54,6 +55,8 @@ pub enum Leave {
 
 /// Least time between two frames that only new data asks for.
 const FRAME: Duration = Duration::from_millis(100);
+/// Bytes per second that such frames may take: a large window is drawn less often, which keeps slow lines usable.
+const BUDGET: f64 = 10_000.0;
 /// Longest wait, so that a signal or a new window size is noticed.
 const TICK: Duration = Duration::from_millis(50);
 
@@ -82,9 +85,12 @@ fn watch(
     let mut urgent = true;
     let mut changed = true;
     let mut drawn = Instant::now();
+    let mut pause = FRAME;
     loop {
         if stop.load(Ordering::SeqCst) {
-            return Ok(Leave::Signal);
+            // The signal may be the one that says that the terminal is gone.
+            let gone = screen.wait(Duration::ZERO).is_none();
+            return Ok(if gone { Leave::HangUp } else { Leave::Signal });
         }
         let now_size = screen.size();
         urgent |= std::mem::replace(&mut size, now_size) != now_size;
@@ -92,18 +98,19 @@ fn watch(
         if newest.sequence != app.latest.sequence {
             changed |= app.observe(newest);
         }
-        let due = urgent || changed && drawn.elapsed() >= FRAME;
+        let due = urgent || changed && drawn.elapsed() >= pause;
         // A terminal without a size shows nothing.
         if due && screen.is_ready() && size.0 > 0 && size.1 > 0 {
             let area = Rect::new(0, 0, size.0, size.1);
             let mut frame = Buffer::empty(area);
             view::draw(&app, area, &mut frame);
-            screen.show(frame)?;
+            let bytes = screen.show(frame)?;
             drawn = Instant::now();
+            pause = FRAME.max(Duration::from_secs_f64((bytes as f64 / BUDGET).min(1.0)));
             (urgent, changed) = (false, false);
         }
         let rest = if changed {
-            FRAME.saturating_sub(drawn.elapsed()).min(TICK)
+            pause.saturating_sub(drawn.elapsed()).min(TICK)
         } else {
             TICK
         };

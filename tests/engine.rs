@@ -32,6 +32,9 @@ fn all_pairs(mut state: State, collisions: usize) -> Vec<Record> {
                 ball.position[wall.axis] = limit;
                 ball.velocity[wall.axis] = -ball.velocity[wall.axis].abs().copysign(limit);
             }
+            Participants::Plane(..) | Participants::Face(..) => {
+                unreachable!("a container without planes")
+            }
             Participants::Pair(first, second) => {
                 let pair =
                     [first, second].map(|ball| state.trajectories[ball as usize].synchronized(now));
@@ -50,7 +53,7 @@ fn all_pairs(mut state: State, collisions: usize) -> Vec<Record> {
 }
 
 fn limit_of(state: &State, ball: u32, wall: Wall) -> f64 {
-    let limit = state.domain.half_size()[wall.axis] - state.bodies.of(ball as usize).radius;
+    let limit = state.domain.half_size[wall.axis] - state.bodies.of(ball as usize).radius;
     if wall.upper { limit } else { -limit }
 }
 
@@ -115,7 +118,7 @@ fn random_scene(seed: u64) -> Placement {
         random.random_range(2.0..8.0),
     );
     let mut placement = Placement {
-        domain: Domain::Container { half_size },
+        domain: Domain::container(half_size),
         center: DVec3::ZERO,
         bodies,
         body_of: Vec::new(),
@@ -281,9 +284,7 @@ fn units_scaled_by_powers_of_two_give_the_same_bits() {
     ] {
         let (length, time) = (2.0_f64.powi(length), 2.0_f64.powi(time));
         let mut scaled = placement.clone();
-        scaled.domain = Domain::Container {
-            half_size: placement.domain.half_size() * length,
-        };
+        scaled.domain = Domain::container(placement.domain.half_size * length);
         scaled.bodies[0].radius *= length;
         scaled
             .positions

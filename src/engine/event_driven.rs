@@ -1,20 +1,26 @@
 //! Engine `event`: from collision to collision, each ball on its own clock.
 //!
-//! Every ball has one event in the calendar: the earliest of its next cell crossing, its next wall and the earliest pair
-//! collision it knows of. A ball looks for partners among the balls of each cell it enters, and among all its cells after
-//! each of its own collisions.
+//! Every ball has one event in the calendar: the earliest of its next cell crossing, its next wall or plane and the earliest
+//! pair collision it knows of. A ball looks for partners among the balls of each cell it enters, and among all its cells
+//! after each of its own collisions.
 //!
 //! What always holds: of two balls that share a cell, the one that looked last knows a pair collision at or before theirs.
 //! A known collision is checked when its turn comes: a prediction is a pure function of two trajectories, so it holds if
 //! predicting again gives the same instant. If the partner has changed course meanwhile, the ball looks again; whatever it
 //! had put aside for the earlier collision lies later, so nothing is missed.
+//!
+//! A ball whose centre leaves a periodic box changes its trajectory as at a wall: it goes on from the opposite face. A pair
+//! is then looked at with one of the two moved by whole boxes.
+
+use glam::DVec3;
 
 use crate::calendar::Calendar;
-use crate::cell_list::CellList;
-use crate::collision::{collide, pair_time, wall_time};
+use crate::cell_list::{Cell, CellList, Company};
+use crate::collision::{collide, image_pair_time, pair_time, plane_time, reflect, wall_time};
+use crate::domain::Boundary;
 use crate::engine::{Counters, Stuck};
 use crate::event::{Collision, Event, EventKind, Participants, Wall};
-use crate::state::{State, Time};
+use crate::state::{State, Time, Trajectory};
 
 /// Epochs after which the calendar's base moves on. Times up to 16 epochs from the base are exact in the calendar.
 const REBASE_AFTER: f64 = 4.0;
@@ -25,7 +31,7 @@ const MOST_REPEATS: u32 = 10_000;
 /// Cell width in mean spacings of the balls; measured to be best, and flat around, for the dilute gas.
 const SPACINGS_PER_CELL: f64 = 1.5;
 
-/// Cell width in largest diameters, at least.
+/// Cell width in mean diameters, at least.
 const DIAMETERS_PER_CELL: f64 = 1.75;
 
 /// The earliest pair collision that a ball knows of.
@@ -33,21 +39,46 @@ const DIAMETERS_PER_CELL: f64 = 1.75;
 struct Candidate {
     time: Time,
     partner: u32,
+    /// Boxes by which the ball is moved to meet its partner; zero but across a periodic face.
+    image: [i8; 3],
 }
 
-/// Later than any collision.
-const NO_CANDIDATE: Candidate = Candidate {
-    time: Time {
-        epoch: u64::MAX,
-        local: 0.0,
-    },
-    partner: u32::MAX,
-};
+impl Candidate {
+    /// Later than any collision.
+    const NONE: Self = Self {
+        time: Time {
+            epoch: u64::MAX,
+            local: 0.0,
+        },
+        partner: u32::MAX,
+        image: [0; 3],
+    };
+
+    /// Takes the collision of `ball` with `other` instead, if it comes earlier.
+    #[inline]
+    fn improve(&mut self, ball: usize, other: u32, time: Time, image: [i8; 3]) {
+        if time < self.time
+            || (time == self.time && pair_precedes(ball as u32, other, self.partner))
+        {
+            *self = Self {
+                time,
+                partner: other,
+                image,
+            };
+        }
+    }
+
+    fn shift(&self, period: DVec3) -> DVec3 {
+        DVec3::from_array(self.image.map(f64::from)) * period
+    }
+}
 
 /// The event-driven engine.
 #[derive(Clone, Debug)]
 pub struct EventDriven {
     state: State,
+    /// Whether any two balls can collide; if not, there is nothing to look for and no cell to cross.
+    interacting: bool,
     cells: CellList,
     calendar: Calendar,
     /// The epoch from which the calendar counts.
@@ -62,26 +93,32 @@ pub struct EventDriven {
 impl EventDriven {
     /// Predicts the first events of every ball.
     pub fn new(state: State) -> Self {
-        let spacing = (state.domain.volume() / state.ball_count().max(1) as f64).cbrt();
-        let width = (SPACINGS_PER_CELL * spacing)
-            .max(DIAMETERS_PER_CELL * 2.0 * state.bodies.largest_radius());
+        let count = state.ball_count().max(1) as f64;
+        let spacing = (state.domain.volume() / count).cbrt();
+        let mean_radius = (0..state.ball_count())
+            .map(|ball| state.bodies.of(ball).radius)
+            .sum::<f64>()
+            / count;
+        let width = (SPACINGS_PER_CELL * spacing).max(DIAMETERS_PER_CELL * 2.0 * mean_radius);
         Self::with_cell_width(state, width)
     }
 
     /// Like [`Self::new`], with cells at least `width` wide \[length\]. The collisions do not depend on it, their cost does.
     pub fn with_cell_width(state: State, width: f64) -> Self {
         let count = state.ball_count();
+        let interacting = state.bodies.largest_radius() > 0.0 && count > 1;
         let mut engine = Self {
-            cells: CellList::new(state.domain.half_size(), width, count),
+            cells: CellList::new(&state.domain, width, if interacting { count } else { 0 }),
             calendar: Calendar::new(count),
             base: 0,
             candidates: Vec::new(),
             repeats: vec![0; count],
             last_collision: None,
             counters: Counters::default(),
+            interacting,
             state,
         };
-        engine.predict_everything(width);
+        engine.predict_everything();
         engine
     }
 
@@ -100,12 +137,17 @@ impl EventDriven {
         self.calendar.len()
     }
 
+    /// Cells of the grid.
+    pub fn cell_count(&self) -> usize {
+        self.cells.cell_count()
+    }
+
     /// Negates all velocities.
     pub fn reverse(&mut self) {
         self.state.reverse();
         self.last_collision = None;
         self.repeats.fill(0);
-        self.predict_everything(self.cells.width());
+        self.predict_everything();
     }
 
     /// Runs up to and including `until`, reporting each collision.
@@ -133,12 +175,15 @@ impl EventDriven {
                 epoch: self.base + whole,
                 local: event.time - whole as f64,
             };
+            let ball = event.ball as usize;
             match event.kind() {
-                EventKind::Crossing { axis } => self.cross(event.ball as usize, axis),
-                EventKind::Wall(wall) => self.hit_wall(event.ball as usize, wall, report)?,
-                EventKind::Pair { partner } => {
-                    self.meet(event.ball as usize, partner as usize, report)?;
+                EventKind::Crossing { axis } => self.cross(ball, axis),
+                EventKind::Wall(face) if self.state.domain.boundary == Boundary::Periodic => {
+                    self.leave_box(ball, face, report);
                 }
+                EventKind::Wall(wall) => self.hit_wall(ball, wall, report)?,
+                EventKind::Plane { plane } => self.hit_plane(ball, plane as usize, report)?,
+                EventKind::Pair { partner } => self.meet(ball, partner as usize, report)?,
             }
         }
         if until > self.state.now {
@@ -148,27 +193,18 @@ impl EventDriven {
     }
 
     /// Makes cells, candidates and calendar from the state alone.
-    fn predict_everything(&mut self, width: f64) {
+    fn predict_everything(&mut self) {
         let count = self.state.ball_count();
-        self.cells = CellList::new(self.state.domain.half_size(), width, count);
-        for ball in 0..count {
-            let position = self.state.trajectories[ball].position_at(self.state.now);
-            self.cells.push(position, self.state.bodies.of(ball).radius);
-        }
         self.candidates.clear();
-        self.candidates.resize(count, NO_CANDIDATE);
-        for ball in 0..count {
-            // The lower ball of each pair knows of their collision: one is enough.
-            let mut best = NO_CANDIDATE;
-            for balls in self.cells.companions(ball) {
-                look(
-                    &self.state,
-                    ball,
-                    balls.iter().copied().filter(|&other| other as usize > ball),
-                    &mut best,
-                );
+        self.candidates.resize(count, Candidate::NONE);
+        if self.interacting {
+            self.cells = CellList::new(&self.state.domain, self.cells.width(), count);
+            for ball in 0..count {
+                let position = self.state.trajectories[ball].position_at(self.state.now);
+                self.cells.push(position, self.state.bodies.of(ball).radius);
+                // It looks among the balls before it; those after it will look for it.
+                self.candidates[ball] = self.look_in_all_cells(ball);
             }
-            self.candidates[ball] = best;
         }
         self.rebase(self.state.now.epoch);
     }
@@ -189,51 +225,71 @@ impl EventDriven {
             .max(self.calendar.len() as u64);
     }
 
-    /// The earliest of a ball's crossings, walls and known pair collision.
+    /// The earliest of a ball's crossings, walls, planes and known pair collision.
     #[inline]
     fn next_event(&self, ball: usize) -> Option<Event> {
         let trajectory = &self.state.trajectories[ball];
         let radius = self.state.bodies.of(ball).radius;
-        let half_size = self.state.domain.half_size();
-        let now = self.state.now.relative_to(self.base);
+        let domain = &self.state.domain;
         let begin = trajectory.begin.relative_to(self.base);
-        let candidate = self.candidates[ball];
         let mut next = (f64::INFINITY, EventKind::Crossing { axis: 0 });
-        for axis in 0..3 {
-            let speed = trajectory.velocity[axis];
-            let (time, kind) =
-                if let Some(flight) = self.cells.crossing(ball, trajectory, radius, axis) {
-                    (begin + flight, EventKind::Crossing { axis })
-                } else {
-                    let limit = (half_size[axis] - radius).copysign(speed);
-                    let Some(time) = wall_time(trajectory, axis, limit) else {
-                        continue;
-                    };
-                    (
-                        time.relative_to(self.base),
-                        EventKind::Wall(Wall {
-                            axis,
-                            upper: speed > 0.0,
-                        }),
-                    )
-                };
+        let mut offer = |time: f64, kind: EventKind| {
             if time < next.0 {
                 next = (time, kind);
             }
+        };
+        for axis in 0..3 {
+            let crossing = if self.interacting {
+                self.cells.crossing(ball, trajectory, radius, axis)
+            } else {
+                None
+            };
+            if let Some(flight) = crossing {
+                offer(begin + flight, EventKind::Crossing { axis });
+            }
+            let limit = match domain.boundary {
+                Boundary::Container if crossing.is_none() => domain.half_size[axis] - radius,
+                Boundary::Periodic => domain.half_size[axis],
+                Boundary::Container | Boundary::Open => continue,
+            };
+            let speed = trajectory.velocity[axis];
+            if let Some(time) = wall_time(trajectory, axis, limit.copysign(speed)) {
+                offer(
+                    time.relative_to(self.base),
+                    EventKind::Wall(Wall {
+                        axis,
+                        upper: speed > 0.0,
+                    }),
+                );
+            }
         }
-        // A wall at the same instant comes first, as the order of events has it.
-        if candidate.partner != u32::MAX {
-            let time = candidate.time.relative_to(self.base);
-            if time < next.0 {
-                next = (
-                    time,
-                    EventKind::Pair {
-                        partner: candidate.partner,
+        for (index, plane) in domain.planes.iter().enumerate() {
+            if let Some(time) = plane_time(trajectory, plane, self.is_above(ball, index), radius) {
+                offer(
+                    time.relative_to(self.base),
+                    EventKind::Plane {
+                        plane: index as u32,
                     },
                 );
             }
         }
+        // Walls and planes at the same instant come first, as the order of events has it.
+        let candidate = &self.candidates[ball];
+        if candidate.partner != u32::MAX {
+            offer(
+                candidate.time.relative_to(self.base),
+                EventKind::Pair {
+                    partner: candidate.partner,
+                },
+            );
+        }
+        let now = self.state.now.relative_to(self.base);
         (next.0 < f64::INFINITY).then(|| Event::new(next.0.max(now), ball as u32, next.1))
+    }
+
+    /// Whether a ball is on the side of a plane that its normal points to.
+    fn is_above(&self, ball: usize, plane: usize) -> bool {
+        self.state.sides[ball * self.state.domain.planes.len() + plane]
     }
 
     #[inline]
@@ -249,16 +305,39 @@ impl EventDriven {
     fn cross(&mut self, ball: usize, axis: usize) {
         self.counters.cell_crossings += 1;
         let trajectory = self.state.trajectories[ball];
-        let position = trajectory.position_at(self.state.now);
+        let place = (trajectory.position_at(self.state.now), trajectory.velocity);
         let radius = self.state.bodies.of(ball).radius;
         let mut best = self.candidates[ball];
         let state = &self.state;
         self.cells
-            .cross(ball, position, trajectory.velocity, radius, axis, |balls| {
-                look(state, ball, balls.iter().copied(), &mut best);
+            .cross(ball, place, radius, axis, |cells, company| {
+                look(state, cells, ball, company, &mut best);
             });
         self.candidates[ball] = best;
         self.schedule(ball);
+    }
+
+    /// A ball's centre leaves the periodic box and enters at the opposite face.
+    fn leave_box(&mut self, ball: usize, face: Wall, report: &mut dyn FnMut(&Collision)) {
+        let now = self.state.now;
+        let half_size = self.state.domain.half_size[face.axis];
+        let before = self.state.trajectories[ball];
+        let mut after = before.synchronized(now);
+        let left_at = after.position[face.axis];
+        after.position[face.axis] = if face.upper { -half_size } else { half_size };
+        self.state.images[ball][face.axis] += if face.upper { 1 } else { -1 };
+        let momentum = self.state.bodies.of(ball).mass * before.velocity[face.axis];
+        self.state.trajectories[ball] = after;
+        self.look_around(ball);
+        report(&Collision {
+            time: now,
+            participants: Participants::Face(ball as u32, face),
+            impulse: DVec3::ZERO,
+            external: DVec3::ZERO,
+            virial: 0.0,
+            radial_jump: momentum * (after.position[face.axis] - left_at),
+            gap: 0.0,
+        });
     }
 
     fn hit_wall(
@@ -267,24 +346,57 @@ impl EventDriven {
         wall: Wall,
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
-        let now = self.state.now;
-        let body = self.state.bodies.of(ball);
-        let limit = self.state.domain.half_size()[wall.axis] - body.radius;
-        let limit = if wall.upper { limit } else { -limit };
-        let before = self.state.trajectories[ball];
-        let mut after = before.synchronized(now);
+        let mut after = self.state.trajectories[ball].synchronized(self.state.now);
+        let limit = self.state.domain.half_size[wall.axis] - self.state.bodies.of(ball).radius;
         // The wall's coordinate itself, and a velocity with the inward sign: a repeated event cannot throw the ball out.
-        after.position[wall.axis] = limit;
-        after.velocity[wall.axis] = -before.velocity[wall.axis].abs().copysign(limit);
-        let impulse = (after.velocity - before.velocity) * body.mass;
+        after.position[wall.axis] = if wall.upper { limit } else { -limit };
+        let speed = after.velocity[wall.axis].abs();
+        after.velocity[wall.axis] = if wall.upper { -speed } else { speed };
+        self.counters.wall_collisions += 1;
+        self.bounce(ball, after, Participants::Wall(ball as u32, wall), report)
+    }
+
+    fn hit_plane(
+        &mut self,
+        ball: usize,
+        plane: usize,
+        report: &mut dyn FnMut(&Collision),
+    ) -> Result<(), Stuck> {
+        let mut after = self.state.trajectories[ball].synchronized(self.state.now);
+        after.velocity = reflect(
+            after.velocity,
+            &self.state.domain.planes[plane],
+            self.is_above(ball, plane),
+        );
+        self.counters.plane_collisions += 1;
+        self.bounce(
+            ball,
+            after,
+            Participants::Plane(ball as u32, plane as u32),
+            report,
+        )
+    }
+
+    /// A ball goes on after meeting something that does not move.
+    fn bounce(
+        &mut self,
+        ball: usize,
+        after: Trajectory,
+        participants: Participants,
+        report: &mut dyn FnMut(&Collision),
+    ) -> Result<(), Stuck> {
+        let before = self.state.trajectories[ball];
+        let impulse = (after.velocity - before.velocity) * self.state.bodies.of(ball).mass;
+        let virial = after.position.dot(impulse);
         let collision = Collision {
-            time: now,
-            participants: Participants::Wall(ball as u32, wall),
+            time: self.state.now,
+            participants,
             impulse,
-            virial: after.position.dot(impulse),
+            external: impulse,
+            virial,
+            radial_jump: virial,
             gap: 0.0,
         };
-        self.counters.wall_collisions += 1;
         self.note_instant(&collision, &[ball])?;
         self.state.trajectories[ball] = after;
         self.state.collisions[ball] += 1;
@@ -301,44 +413,64 @@ impl EventDriven {
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
         let now = self.state.now;
-        let (first, second) = (ball.min(partner), ball.max(partner));
-        let before = [
-            self.state.trajectories[first],
-            self.state.trajectories[second],
-        ];
-        let bodies = [self.state.bodies.of(first), self.state.bodies.of(second)];
+        let planned = self.candidates[ball];
+        let pair = [ball.min(partner), ball.max(partner)];
+        let shift = planned.shift(self.state.domain.period());
+        let shift = if ball == pair[0] { shift } else { -shift };
+        let before = pair.map(|ball| self.state.trajectories[ball]);
+        let bodies = pair.map(|ball| self.state.bodies.of(ball));
         let contact = bodies[0].radius + bodies[1].radius;
-        let planned = self.candidates[ball].time;
-        if pair_time(&before[0], &before[1], contact) != Some(planned) {
+        if image_pair_time(&before[0], &before[1], contact, shift) != Some(planned.time) {
             self.counters.stale_events += 1;
-            self.look_around_from_same_flight(ball);
+            self.look_again(ball);
             return Ok(());
         }
-        self.counters.late_events += u64::from(planned < now);
+        self.counters.late_events += u64::from(planned.time < now);
         let mut after = before.map(|trajectory| trajectory.synchronized(now));
-        let separation = after[0].position - after[1].position;
+        let separation = after[0].position - after[1].position + shift;
         let masses = bodies.map(|body| body.mass);
         [after[0].velocity, after[1].velocity] = collide(
             separation,
             before.map(|trajectory| trajectory.velocity),
             masses,
         );
-        let impulse = (after[0].velocity - before[0].velocity) * masses[0];
+        let received = [0, 1].map(|one| {
+            // An obstacle keeps its place; what it receives leaves the gas.
+            if masses[one].is_finite() {
+                (after[one].velocity - before[one].velocity) * masses[one]
+            } else {
+                DVec3::ZERO
+            }
+        });
+        let impulse = if masses[0].is_finite() {
+            received[0]
+        } else {
+            -received[1]
+        };
+        let all_move = masses[0].is_finite() && masses[1].is_finite();
         let collision = Collision {
             time: now,
-            participants: Participants::Pair(first as u32, second as u32),
+            participants: Participants::Pair(pair[0] as u32, pair[1] as u32),
             impulse,
+            external: if all_move {
+                DVec3::ZERO
+            } else {
+                received[0] + received[1]
+            },
             virial: separation.dot(impulse),
+            radial_jump: after[0].position.dot(received[0]) + after[1].position.dot(received[1]),
             gap: (separation.length() - contact) / contact,
         };
         self.counters.pair_collisions += 1;
-        self.note_instant(&collision, &[first, second])?;
-        for (ball, after) in [first, second].into_iter().zip(after) {
-            self.state.trajectories[ball] = after;
-            self.state.collisions[ball] += 1;
+        self.note_instant(&collision, &pair)?;
+        for one in [0, 1] {
+            if masses[one].is_finite() {
+                self.state.trajectories[pair[one]] = after[one];
+            }
+            self.state.collisions[pair[one]] += 1;
         }
-        self.look_around(first);
-        self.look_around(second);
+        self.look_around(pair[0]);
+        self.look_around(pair[1]);
         report(&collision);
         Ok(())
     }
@@ -366,44 +498,100 @@ impl EventDriven {
 
     /// After a change of course: finds the ball's cells and its next collision anew.
     fn look_around(&mut self, ball: usize) {
-        self.cells.relocate(
-            ball,
-            self.state.trajectories[ball].position,
-            self.state.bodies.of(ball).radius,
-        );
-        self.look_around_from_same_flight(ball);
+        if self.interacting {
+            self.cells.relocate(
+                ball,
+                self.state.trajectories[ball].position,
+                self.state.bodies.of(ball).radius,
+            );
+        }
+        self.look_again(ball);
     }
 
     /// Finds a ball's next collision anew.
-    fn look_around_from_same_flight(&mut self, ball: usize) {
-        let mut best = NO_CANDIDATE;
-        for balls in self.cells.companions(ball) {
-            look(&self.state, ball, balls.iter().copied(), &mut best);
+    fn look_again(&mut self, ball: usize) {
+        if self.interacting {
+            self.candidates[ball] = self.look_in_all_cells(ball);
         }
-        self.candidates[ball] = best;
         self.schedule(ball);
         self.note_queue_length();
     }
+
+    fn look_in_all_cells(&self, ball: usize) -> Candidate {
+        let mut best = Candidate::NONE;
+        self.cells.for_each_company(ball, |company| {
+            look(&self.state, &self.cells, ball, company, &mut best)
+        });
+        best
+    }
 }
 
-/// Improves a ball's candidate by its collisions with `others`.
+/// Improves a ball's candidate by its collisions with the others of a cell.
 #[inline]
-fn look(state: &State, ball: usize, others: impl Iterator<Item = u32>, best: &mut Candidate) {
+fn look(state: &State, cells: &CellList, ball: usize, company: Company, best: &mut Candidate) {
+    if let Some(cell) = company.at_face {
+        look_at_images(state, cells, ball, company.balls, cell, best);
+    } else if let Some(body) = state.bodies.uniform() {
+        look_inside(state, ball, company.balls, |_| 2.0 * body.radius, best);
+    } else {
+        let radius = state.bodies.of(ball).radius;
+        look_inside(
+            state,
+            ball,
+            company.balls,
+            |other| radius + state.bodies.of(other).radius,
+            best,
+        );
+    }
+}
+
+/// Looks at the others of a cell that no face of a periodic box passes.
+#[inline]
+fn look_inside(
+    state: &State,
+    ball: usize,
+    others: &[u32],
+    contact: impl Fn(usize) -> f64,
+    best: &mut Candidate,
+) {
+    let trajectory = state.trajectories[ball];
+    for &other in others {
+        if other as usize != ball
+            && let Some(time) = pair_time(
+                &trajectory,
+                &state.trajectories[other as usize],
+                contact(other as usize),
+            )
+        {
+            best.improve(ball, other, time, [0; 3]);
+        }
+    }
+}
+
+/// Looks at the others of a cell at a face of a periodic box, each at every image that the ball may meet.
+#[inline(never)]
+fn look_at_images(
+    state: &State,
+    cells: &CellList,
+    ball: usize,
+    others: &[u32],
+    cell: Cell,
+    best: &mut Candidate,
+) {
     let trajectory = state.trajectories[ball];
     let radius = state.bodies.of(ball).radius;
-    for other in others {
-        if other as usize == ball {
-            continue;
-        }
+    for &other in others.iter().filter(|&&other| other as usize != ball) {
         let contact = radius + state.bodies.of(other as usize).radius;
-        if let Some(time) = pair_time(&trajectory, &state.trajectories[other as usize], contact)
-            && (time < best.time
-                || (time == best.time && pair_precedes(ball as u32, other, best.partner)))
-        {
-            *best = Candidate {
-                time,
-                partner: other,
-            };
+        for image in cells.images(cell, other) {
+            let shift = image.as_dvec3() * state.domain.period();
+            if let Some(time) = image_pair_time(
+                &trajectory,
+                &state.trajectories[other as usize],
+                contact,
+                shift,
+            ) {
+                best.improve(ball, other, time, image.to_array().map(|boxes| boxes as i8));
+            }
         }
     }
 }

@@ -51,6 +51,8 @@ pub struct Averages {
     pub duration: f64,
     /// Standard error of `settled.wall_impulse / duration`, from at least eight complete blocks.
     pub wall_error: Option<f64>,
+    /// Standard error of `settled.pair_virial / duration`, likewise.
+    pub virial_error: Option<f64>,
 }
 
 /// Blocks of a run.
@@ -73,16 +75,18 @@ impl Blocks {
     /// Takes a collision into account.
     #[inline]
     pub fn record(&mut self, collision: &Collision) {
-        let block = self.block_at(collision.time);
         match collision.participants {
             Participants::Pair(..) => {
+                let block = self.block_at(collision.time);
                 block.pair_collisions += 1;
                 block.pair_virial += collision.virial;
             }
             Participants::Wall(..) => {
+                let block = self.block_at(collision.time);
                 block.wall_collisions += 1;
                 block.wall_impulse += collision.impulse.length();
             }
+            Participants::Plane(..) | Participants::Face(..) => {}
         }
     }
 
@@ -122,18 +126,21 @@ impl Blocks {
         (unsettled..self.blocks.len()).for_each(|index| settled.add(&self.blocks[index]));
         let complete = (elapsed / self.length) as usize;
         let count = complete.saturating_sub(unsettled);
-        let wall_error = (count >= FEWEST_BLOCKS).then(|| {
-            let rate = |index: usize| block(index).wall_impulse / self.length;
+        let error = |amount: fn(&Block) -> f64| {
+            let rate = |index: usize| amount(&block(index)) / self.length;
             let mean = (unsettled..complete).map(rate).sum::<f64>() / count as f64;
             let squares: f64 = (unsettled..complete)
                 .map(|index| (rate(index) - mean) * (rate(index) - mean))
                 .sum();
-            (squares / (count * (count - 1)) as f64).sqrt()
-        });
+            (count >= FEWEST_BLOCKS).then(|| (squares / (count * (count - 1)) as f64).sqrt())
+        };
+        let wall_error = error(|block| block.wall_impulse);
+        let virial_error = error(|block| block.pair_virial);
         Some(Averages {
             settled,
             duration,
             wall_error,
+            virial_error,
         })
     }
 }
@@ -155,7 +162,9 @@ mod tests {
                 },
             ),
             impulse: DVec3::X * -impulse,
+            external: DVec3::ZERO,
             virial: 0.0,
+            radial_jump: 0.0,
             gap: 0.0,
         }
     }

@@ -27,7 +27,7 @@ pub struct Ledger {
 pub struct Drift {
     /// Kinetic energy over that at the start, minus one.
     pub energy: Option<f64>,
-    /// Change of momentum that the walls do not explain, over the sum of the magnitudes of all momenta.
+    /// Change of momentum that walls, planes and fixed balls do not explain, over the sum of the magnitudes of all momenta.
     pub momentum: Option<f64>,
     /// What the virial ledger misses, over `2 K t`.
     pub virial: Option<f64>,
@@ -65,14 +65,15 @@ impl Ledger {
     /// Takes a collision into account.
     #[inline]
     pub fn record(&mut self, collision: &Collision) {
-        self.radial_momentum.add(collision.virial);
+        self.radial_momentum.add(collision.radial_jump);
         match collision.participants {
             Participants::Pair(..) => self.pair_virial.add(collision.virial),
-            Participants::Wall(..) => {
-                self.wall_impulse.add(collision.impulse.length());
-                for axis in 0..3 {
-                    self.momentum[axis].add(collision.impulse[axis]);
-                }
+            Participants::Wall(..) => self.wall_impulse.add(collision.impulse.length()),
+            Participants::Plane(..) | Participants::Face(..) => {}
+        }
+        if collision.external != DVec3::ZERO {
+            for axis in 0..3 {
+                self.momentum[axis].add(collision.external[axis]);
             }
         }
     }

@@ -29,7 +29,7 @@ const MOST_KINDS: usize = 64;
 
 /// Volume of the balls over the volume of the domain.
 pub fn packing_fraction(placement: &Placement) -> f64 {
-    let edges = 2.0 * placement.domain.half_size();
+    let edges = 2.0 * placement.domain.half_size;
     let volume =
         |radius: f64| 4.0 / 3.0 * PI * (radius / edges.x) * (radius / edges.y) * (radius / edges.z);
     match placement.bodies.as_slice() {
@@ -103,7 +103,7 @@ struct Kind {
 }
 
 fn reduced(placement: &Placement) -> Option<[f64; 3]> {
-    let size = 2.0 * placement.domain.half_size();
+    let size = 2.0 * placement.domain.half_size;
     let unit = size.max_element();
     let edges = (size / unit).to_array();
     let mut kinds = kinds(placement, unit);

@@ -139,7 +139,7 @@ fn read_domain(mut table: Table, faults: &mut Faults) -> Option<ReadDomain> {
     let domain = match size {
         Some(size) if size.value.cmpgt(DVec3::ZERO).all() => {
             let half_size = 0.5 * size.value;
-            Some((Domain::Container { half_size }, center, size.span.start))
+            Some((Domain::container(half_size), center, size.span.start))
         }
         Some(size) => {
             faults.value("size", &size.span, &format!("must be {limit}"));
@@ -260,9 +260,7 @@ fn read_radius(
         "must be greater than 0 (balls without size are not in this version)",
         faults,
     )?;
-    let room = domain.map_or(f64::INFINITY, |(domain, ..)| {
-        domain.half_size().min_element()
-    });
+    let room = domain.map_or(f64::INFINITY, |(domain, ..)| domain.half_size.min_element());
     if radius.value > room {
         faults.value(
             "radius",
@@ -430,7 +428,7 @@ fn check_precision(scene: &Scene, size_at: usize, faults: &mut Faults) {
         .chain(from_rows.flatten().copied())
         .chain(scene.balls.iter().map(|ball| ball.radius));
     let smallest = radii.fold(f64::INFINITY, f64::min);
-    let farthest = (scene.center.abs() + scene.domain.half_size()).max_element();
+    let farthest = (scene.center.abs() + scene.domain.half_size).max_element();
     let step = farthest.next_up() - farthest;
     if !farthest.is_finite() || step > COARSEST_POSITION * smallest {
         faults.add(

@@ -126,7 +126,7 @@ fn lattice_spacing(
     spacing: Option<f64>,
 ) -> Result<DVec3, Vec<String>> {
     let edge = cell.edge_for(species.count);
-    let size = 2.0 * scene.domain.half_size();
+    let size = 2.0 * scene.domain.half_size;
     let cell_edges = spacing.map_or(size / edge.max(1) as f64, DVec3::splat);
     let radius = species.radius.expect("a lattice species has a radius");
     let (least, cells) = (
@@ -178,7 +178,7 @@ fn insert_at_random(
     for &(species, first) in unplaced {
         for index in first..first + species.count {
             let radius = bodies[index].radius;
-            let room = scene.domain.half_size() - radius;
+            let room = scene.domain.half_size - radius;
             let site = (0..MOST_TRIES).find_map(|_| {
                 let unit = DVec3::from_array(random.random::<[f64; 3]>());
                 let site = scene.center + (2.0 * unit - 1.0) * room;
@@ -246,7 +246,7 @@ fn draw(rule: Velocities, mass: f64, units: Units, random: &mut Xoshiro256PlusPl
 }
 
 fn check_container(scene: &Scene, bodies: &[Body], positions: &[DVec3]) -> Result<(), Vec<String>> {
-    let half_size = scene.domain.half_size();
+    let half_size = scene.domain.half_size;
     let mut outside = 0_usize;
     let mut worst = (0.0, 0);
     for (index, (position, body)) in positions.iter().zip(bodies).enumerate() {

@@ -203,13 +203,12 @@ impl App {
     }
 
     fn freeze(&mut self) {
-        self.frozen = match self.frozen {
-            None => Some(self.latest.clone()),
-            Some(_) => {
-                self.trails.clear();
-                None
-            }
-        };
+        if self.frozen.take().is_some() {
+            // What happened behind the frozen screen would be one long straight flight.
+            self.trails.clear();
+        } else {
+            self.frozen = Some(self.latest.clone());
+        }
     }
 
     /// The ceiling as the user last set it.

@@ -106,15 +106,15 @@ impl Projection {
         }
     }
 
-    /// Length of the line of sight through the middle of a cell inside a box of the given edges \[length\].
-    pub fn chord(&self, size: [f64; 3], column: usize, row: usize) -> f64 {
-        let across = (column as f64 + 0.5 - self.middle[0]) / self.scale;
-        let upward = (self.middle[1] - row as f64 - 0.5) * 2.0 / self.scale;
+    /// Length of the line of sight through a point of the pane inside a box of the given edges \[length\].
+    pub fn chord(&self, size: [f64; 3], column: f64, row: f64) -> f64 {
+        let across = (column - self.middle[0]) / self.scale;
+        let upward = (self.middle[1] - row) * 2.0 / self.scale;
         let mut enter = f64::NEG_INFINITY;
         let mut leave = f64::INFINITY;
-        for axis in 0..3 {
+        for (axis, edge) in size.iter().enumerate() {
             let origin = across * self.right[axis] + upward * self.up[axis];
-            let (slope, half) = (self.forward[axis], size[axis] / 2.0);
+            let (slope, half) = (self.forward[axis], edge / 2.0);
             if slope.abs() < 1e-12 {
                 if origin.abs() > half {
                     return 0.0;
@@ -179,7 +179,7 @@ mod tests {
             ..Camera::default()
         };
         let projection = Projection::new(&camera, [2.0; 3], 41, 21);
-        assert!((projection.chord([2.0; 3], 20, 10) - 2.0).abs() < 1e-12);
-        assert_eq!(projection.chord([2.0; 3], 0, 0), 0.0);
+        assert!((projection.chord([2.0; 3], 20.5, 10.5) - 2.0).abs() < 1e-12);
+        assert_eq!(projection.chord([2.0; 3], 0.5, 0.5), 0.0);
     }
 }

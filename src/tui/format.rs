@@ -43,7 +43,9 @@ pub fn plain(value: f64, digits: usize) -> String {
     match decimal(value, digits) {
         None => MISSING.into(),
         Some((_, exponent)) if (-3..6).contains(&exponent) => {
-            let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
+            let decimals = digits
+                .saturating_sub(1)
+                .saturating_add_signed(-exponent as isize);
             format!("{value:.decimals$}")
         }
         Some(_) => scientific(value, digits),
@@ -133,46 +135,48 @@ pub fn percent_off(measured: Option<f64>, expected: Option<f64>) -> Option<Strin
         .then(|| format!("{shown:+.decimals$} %"))
 }
 
-/// Wall time as a clock: `00:00:43`, `3d 04:05:06`.
+/// Wall time as a clock: `00:00:43`, after a day `3d 04:05`.
 pub fn clock(seconds: f64) -> String {
     if !seconds.is_finite() || seconds < 0.0 {
         return MISSING.into();
     }
     let seconds = seconds as u64;
     let (days, hours, minutes) = (seconds / 86_400, seconds / 3_600 % 24, seconds / 60 % 60);
-    let time = format!("{hours:02}:{minutes:02}:{:02}", seconds % 60);
     if days > 0 {
-        format!("{days}d {time}")
+        format!("{days}d {hours:02}:{minutes:02}")
     } else {
-        time
+        format!("{hours:02}:{minutes:02}:{:02}", seconds % 60)
     }
 }
 
-/// A duration in at most eight characters, as coarse as an estimate deserves: `43 s`, `12 min`, `18 h 50`, `3 d 4 h`.
-pub fn duration(seconds: f64) -> String {
-    if !seconds.is_finite() || seconds < 0.0 {
+/// A duration as coarse as an estimate deserves, and its unit: `43 s`, `12 min`, `18 h 50`, `3.2 d`.
+fn rough(seconds: f64) -> (String, &'static str) {
+    let whole = seconds.round() as u64;
+    let days = seconds / 86_400.0;
+    match whole {
+        0..100 => (whole.to_string(), " s"),
+        100..6_000 => ((whole / 60).to_string(), " min"),
+        6_000..172_800 => (format!("{} h {:02}", whole / 3_600, whole / 60 % 60), ""),
+        172_800..864_000 => (format!("{days:.1}"), " d"),
+        864_000..86_400_000 => (format!("{days:.0}"), " d"),
+        86_400_000..31_557_600_000 => (format!("{:.0}", days / 365.25), " y"),
+        _ => ("1000".into(), " y or more"),
+    }
+}
+
+/// A range of durations in at most 18 characters: `18 h 50 to 19 h 40`, `26 to 33 d`; one duration when both read alike.
+pub fn duration_range((low, high): (f64, f64)) -> String {
+    let good = |seconds: f64| seconds.is_finite() && seconds >= 0.0;
+    if !good(low) || !good(high) {
         return MISSING.into();
     }
-    let whole = seconds.round() as u64;
-    let (minutes, hours) = (whole / 60, whole / 3_600);
-    match whole {
-        0..100 => format!("{whole} s"),
-        100..6_000 => format!("{minutes} min"),
-        6_000..172_800 => format!("{hours} h {:02}", minutes % 60),
-        172_800..8_640_000 => format!("{} d {} h", hours / 24, hours % 24),
-        8_640_000..86_400_000 => format!("{} d", hours / 24),
-        86_400_000..31_557_600_000 => format!("{} y", hours / 8_766),
-        _ => "> 1000 y".into(),
-    }
-}
-
-/// A range of durations; one duration when both read alike.
-pub fn duration_range((low, high): (f64, f64)) -> String {
-    let (low, high) = (duration(low), duration(high));
-    if low == high {
-        low
+    let ((low, low_unit), (high, high_unit)) = (rough(low), rough(high));
+    if low_unit != high_unit {
+        format!("{low}{low_unit} to {high}{high_unit}")
+    } else if low == high {
+        format!("{low}{low_unit}")
     } else {
-        format!("{low} to {high}")
+        format!("{low} to {high}{high_unit}")
     }
 }
 
@@ -232,7 +236,6 @@ mod tests {
         assert_eq!(plain(f64::INFINITY, 4), MISSING);
         assert_eq!(quantity(None, "s", Units::Si, 4), MISSING);
         assert_eq!(sigmas(Some(1.0), Some(1.0), Some(0.0)), None);
-        assert_eq!(duration(f64::NAN), MISSING);
     }
 
     #[test]
@@ -262,14 +265,18 @@ mod tests {
 
     #[test]
     fn durations_are_as_coarse_as_estimates() {
-        assert_eq!(duration(43.2), "43 s");
-        assert_eq!(duration(720.0), "12 min");
-        assert_eq!(duration(67_800.0), "18 h 50");
-        assert_eq!(duration(273_600.0), "3 d 4 h");
-        assert_eq!(duration(1e15), "> 1000 y");
         assert_eq!(duration_range((40.0, 40.2)), "40 s");
+        assert_eq!(duration_range((50.0, 720.0)), "50 s to 12 min");
         assert_eq!(duration_range((67_800.0, 70_800.0)), "18 h 50 to 19 h 40");
-        assert_eq!(clock(273_906.0), "3d 04:05:06");
+        assert_eq!(duration_range((2_217_600.0, 2_869_200.0)), "26 to 33 d");
+        assert_eq!(duration_range((273_600.0, 1e15)), "3.2 d to 1000 y or more");
+        assert_eq!(duration_range((f64::NAN, 1.0)), MISSING);
+    }
+
+    #[test]
+    fn the_clock_keeps_its_width_after_a_day() {
+        assert_eq!(clock(43.9), "00:00:43");
+        assert_eq!(clock(273_906.0), "3d 04:05");
     }
 
     #[test]

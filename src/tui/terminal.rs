@@ -12,7 +12,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, ThreadId};
 use std::time::{Duration, Instant};
 
-use ratatui::backend::{Backend, CrosstermBackend};
 use ratatui::buffer::Buffer;
 use ratatui::crossterm::{cursor, execute, queue, terminal};
 use ratatui::layout::Rect;
@@ -20,6 +19,7 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::{Mode, OFlags};
 
 use crate::error::{Error, Result};
+use crate::tui::frame;
 
 /// The thread that holds the terminal, if any.
 static HOLDER: Mutex<Option<ThreadId>> = Mutex::new(None);
@@ -36,6 +36,7 @@ pub struct Screen {
     pending: Vec<u8>,
     delivered: Buffer,
     alive: bool,
+    colors: bool,
 }
 
 impl Screen {
@@ -53,6 +54,8 @@ impl Screen {
             pending: Vec::new(),
             delivered: Buffer::empty(Rect::ZERO),
             alive: true,
+            // Source: no-color.org: set and not empty.
+            colors: std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty()),
         };
         queue!(screen.pending, terminal::EnterAlternateScreen, cursor::Hide)
             .map_err(Error::Terminal)?;
@@ -109,27 +112,26 @@ impl Screen {
         self.delivered = Buffer::empty(Rect::ZERO);
     }
 
-    /// Shows a frame: sends what differs from the last.
+    /// Shows a frame: sends what differs from the last. Returns the number of bytes that takes.
     ///
     /// # Errors
     /// When the terminal refuses; one that is only slow keeps the rest for [`Screen::deliver`].
-    pub fn show(&mut self, frame: Buffer) -> Result<()> {
+    pub fn show(&mut self, frame: Buffer) -> Result<usize> {
         let mut bytes = Vec::new();
-        let fresh = self.delivered.area != frame.area;
-        if fresh {
+        if self.delivered.area != frame.area {
             self.delivered = Buffer::empty(frame.area);
             queue!(bytes, terminal::Clear(terminal::ClearType::All)).map_err(Error::Terminal)?;
         }
-        let changes = self.delivered.diff(&frame);
-        if fresh || !changes.is_empty() {
-            let mut backend = CrosstermBackend::new(&mut bytes);
-            backend.draw(changes.into_iter()).map_err(Error::Terminal)?;
+        frame::encode(&self.delivered, &frame, self.colors, &mut bytes);
+        if !bytes.is_empty() {
             queue!(self.pending, terminal::BeginSynchronizedUpdate).map_err(Error::Terminal)?;
             self.pending.append(&mut bytes);
             queue!(self.pending, terminal::EndSynchronizedUpdate).map_err(Error::Terminal)?;
         }
         self.delivered = frame;
-        self.deliver()
+        let size = self.pending.len();
+        self.deliver()?;
+        Ok(size)
     }
 
     /// Writes what the terminal takes now.

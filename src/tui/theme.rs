@@ -50,6 +50,8 @@ pub fn state_style(phase: &Phase, reversed: bool) -> Style {
 pub struct Glyphs {
     /// A molecule far behind, in, and far before the middle of the slab.
     pub depth: [char; 3],
+    /// A molecule larger than a cell, likewise.
+    pub disc: [char; 3],
     /// Tagged molecules, in their order.
     pub tags: [char; 5],
     /// The trail of a tagged molecule.
@@ -61,14 +63,16 @@ pub struct Glyphs {
 /// Glyphs of a UTF-8 terminal.
 pub const UNICODE: Glyphs = Glyphs {
     depth: ['·', '∙', '•'],
+    disc: ['░', '▒', '▓'],
     tags: ['◉', '◎', '◆', '◇', '▲'],
-    trail: '‥',
+    trail: '◦',
     edge: ['‾', '─', '_', '│', '╱', '╲'],
 };
 
 /// Glyphs of a 7-bit terminal.
 pub const ASCII: Glyphs = Glyphs {
     depth: ['.', ':', '*'],
+    disc: [':', 'o', '8'],
     tags: ['O', '@', '#', '&', 'A'],
     trail: ',',
     edge: ['-', '-', '_', '|', '/', '\\'],
@@ -94,6 +98,7 @@ const STAND_INS: &[(&str, &str)] = &[
     ("╭╮╰╯┌┐└┘├┤┬┴┼", "+"),
     ("─╌…–⎯", "-"),
     ("│┆▏▕", "|"),
+    ("▎▍▌▋▊▉", "="),
     ("▁", "_"),
     ("▂", "."),
     ("▃", "-"),

@@ -8,7 +8,7 @@ use crate::snapshot::Snapshot;
 
 /// Most molecules that are tagged.
 pub const MOST_TAGS: usize = 5;
-/// Most points of a trail.
+/// Points of a trail that goes straight.
 const MOST_POINTS: usize = 24;
 /// Longest trail, and longest step taken as one flight, in mean edges of the container.
 const LONGEST: f64 = 0.25;
@@ -80,10 +80,15 @@ fn extend(path: &mut VecDeque<[f64; 3]>, position: [f64; 3], longest: f64) {
     {
         path.clear();
     }
+    // The head moves with the molecule, and stays behind as a knot when it has come some way.
+    let spacing = longest / MOST_POINTS as f64;
+    if path.len() > 1 && distance(path[0], path[1]) < spacing {
+        path.pop_front();
+    }
     path.push_front(position);
     let mut length = 0.0;
     let mut keep = 1;
-    while keep < path.len().min(MOST_POINTS) {
+    while keep < path.len().min(2 * MOST_POINTS) {
         length += distance(path[keep - 1], path[keep]);
         if length > longest {
             break;
@@ -109,6 +114,16 @@ mod tests {
         }
         assert_eq!(path.len(), 11);
         assert!((path[0][0] - 9.9).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_trail_is_as_long_when_the_run_is_slow() {
+        let mut path = VecDeque::new();
+        for step in 0..10_000 {
+            extend(&mut path, [f64::from(step) * 0.001, 0.0, 0.0], 1.05);
+        }
+        let tail = path[path.len() - 1][0];
+        assert!((0.9..=1.05).contains(&(9.999 - tail)), "{tail}");
     }
 
     #[test]

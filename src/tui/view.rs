@@ -48,16 +48,14 @@ pub fn draw(app: &App, area: Rect, buffer: &mut Buffer) {
 
 fn full(app: &App, area: Rect, buffer: &mut Buffer) {
     let snapshot = app.shown();
-    let right_width = if area.width < 100 {
-        34
-    } else {
-        (area.width * 2 / 5).clamp(40, 84)
-    };
     let low_height = if area.height < 30 {
         8
     } else {
         (area.height * 3 / 10).clamp(8, 18)
     };
+    // The picture gets the width that its height can use, the histories the rest.
+    let picture_width = 2 * (area.height - low_height - 5) + 8;
+    let right_width = (area.width - picture_width.min(area.width)).clamp(34, area.width * 9 / 20);
     let [head, body, foot] = Layout::vertical([
         Constraint::Length(2),
         Constraint::Fill(1),

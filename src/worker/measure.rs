@@ -99,7 +99,7 @@ pub struct Walls {
 impl Walls {
     /// The walls of the state's container.
     pub fn of(state: &State) -> Self {
-        let open = state.domain.half_size() - state.bodies.largest_radius();
+        let open = state.domain.half_size - state.bodies.largest_radius();
         Self {
             area: state.domain.wall_area(),
             volume_of_centers: 8.0 * open.x * open.y * open.z,
@@ -126,7 +126,7 @@ pub fn counts(counters: &Counters) -> Counts {
     Counts {
         pair_collisions: counters.pair_collisions,
         wall_collisions: counters.wall_collisions,
-        plane_collisions: 0,
+        plane_collisions: counters.plane_collisions,
         cell_crossings: counters.cell_crossings,
         stale_events: counters.stale_events,
         late_events: counters.late_events,

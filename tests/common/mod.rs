@@ -28,9 +28,7 @@ pub fn lattice(n: usize, spacing: f64, edge: f64, seed: u64) -> Placement {
         .map(|site| DVec3::from_array(site.map(coordinate)))
         .collect();
     Placement {
-        domain: Domain::Container {
-            half_size: DVec3::splat(0.5 * edge),
-        },
+        domain: Domain::container(DVec3::splat(0.5 * edge)),
         center: DVec3::ZERO,
         bodies: vec![Body {
             radius: 0.5,

@@ -39,7 +39,15 @@ pub(super) fn draw(
     let discs = are_discs(radius, projection.scale);
     for spot in spots {
         if discs {
-            draw_disc(picture, &mut nearest, spot, radius, level(spot.depth));
+            let glyph = glyphs.disc[usize::from(level(spot.depth))];
+            draw_disc(
+                picture,
+                &mut nearest,
+                spot,
+                radius,
+                level(spot.depth),
+                glyph,
+            );
         }
         let Some(cell) = picture.cell(spot.column, spot.row) else {
             continue;
@@ -52,8 +60,18 @@ pub(super) fn draw(
     }
 }
 
-/// A sphere lit from the upper left.
-fn draw_disc(picture: &mut Picture, nearest: &mut [f64], spot: Spot, radius: f64, level: u8) {
+/// Columns from which on a ball's radius shows light and shadow; below, a shaded ball would look like litter.
+const LIT: f64 = 3.5;
+
+/// A sphere lit from the upper left, or a plain disc if it is small.
+fn draw_disc(
+    picture: &mut Picture,
+    nearest: &mut [f64],
+    spot: Spot,
+    radius: f64,
+    level: u8,
+    plain: char,
+) {
     let reach = radius * picture.scale;
     let first = |center: f64, reach: f64| (center - reach).floor().max(0.0) as usize;
     let last =
@@ -71,7 +89,12 @@ fn draw_disc(picture: &mut Picture, nearest: &mut [f64], spot: Spot, radius: f64
             nearest[cell] = depth;
             let light = 0.45 * -across + 0.55 * -down + 0.7 * height.sqrt();
             let shade = 1.0 + light.max(0.0) * 8.0;
-            picture.cells[cell] = (SHADES[(shade as usize).min(9)], Layer::Molecule(level));
+            let glyph = if reach < LIT {
+                plain
+            } else {
+                SHADES[(shade as usize).min(9)]
+            };
+            picture.cells[cell] = (glyph, Layer::Molecule(level));
         }
     }
 }

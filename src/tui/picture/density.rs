@@ -31,8 +31,8 @@ pub(super) fn draw(
     let cell_area = 2.0 / (projection.scale * projection.scale);
     let per_length = sample.positions.len() as f64 * cell_area / volume;
     for (cell, count) in seen.iter().enumerate() {
-        let chord = projection.chord(scene.size, cell % picture.width, cell / picture.width);
-        let expected = per_length * chord;
+        let (column, row) = ((cell % picture.width) as f64, (cell / picture.width) as f64);
+        let expected = per_length * mean_chord(projection, scene.size, column, row);
         if expected <= 0.0 {
             continue;
         }
@@ -44,6 +44,13 @@ pub(super) fn draw(
             picture.cells[cell] = (SHADES[shade], Layer::Shade);
         }
     }
+}
+
+/// Mean line of sight of a cell: at the rim of the box the middle alone would mislead.
+fn mean_chord(projection: &Projection, size: [f64; 3], column: f64, row: f64) -> f64 {
+    let places = [0.125, 0.375, 0.625, 0.875];
+    let chords = places.map(|i| places.map(|j| projection.chord(size, column + i, row + j)));
+    chords.iter().flatten().sum::<f64>() / 16.0
 }
 
 /// Spreads one ball evenly over the cells its disc covers.

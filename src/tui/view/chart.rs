@@ -51,16 +51,17 @@ pub(super) fn chart(
         width: area.width - LABELS - 1,
         ..area
     };
+    // A mean over two cells, and straight lines between: noise is not news.
+    let knots = resample(&series.points, usize::from(plot.width) / 2);
+    let Some((low, high)) = range(&knots, None).and(range(&knots, series.expected)) else {
+        put(buffer, area, (2, 0), "no history yet", theme::QUIET);
+        return;
+    };
     for row in 0..area.height {
         let end = row == 0 || row + 1 == area.height;
         let tick = if end { "┤" } else { "│" };
         put(buffer, area, (LABELS, row), tick, theme::QUIET);
     }
-    // Two values per column and four per row: the dots of a braille cell.
-    let columns = resample(&series.points, 2 * usize::from(plot.width));
-    let Some((low, high)) = range(&columns, series.expected) else {
-        return;
-    };
     put_before(buffer, area, (LABELS, 0), &label(high), theme::QUIET);
     put_before(
         buffer,
@@ -82,9 +83,8 @@ pub(super) fn chart(
     }
     let mut cells = vec![0_u8; usize::from(plot.width) * usize::from(plot.height)];
     let mut before: Option<usize> = None;
-    for (column, value) in columns.iter().enumerate() {
-        let Some(value) = value else { continue };
-        let height = height_of(*value);
+    for (column, value) in lines_between(&knots, 2 * usize::from(plot.width)).enumerate() {
+        let height = height_of(value);
         let start = before.unwrap_or(height);
         // Each column reaches to its neighbour, so that the line has no gaps.
         for dot in start.min(height)..=start.max(height) {
@@ -101,6 +101,18 @@ pub(super) fn chart(
         let at = (cell as u16 % plot.width, cell as u16 / plot.width);
         put(buffer, plot, at, &glyph, theme::BAR);
     }
+}
+
+/// Values on straight lines from the first knot to the last.
+fn lines_between(knots: &[Option<f64>], count: usize) -> impl Iterator<Item = f64> {
+    let knots: Vec<f64> = knots.iter().copied().flatten().collect();
+    let count = if knots.is_empty() { 0 } else { count };
+    (0..count).map(move |index| {
+        let place = index as f64 / (count.max(2) - 1) as f64 * (knots.len() - 1) as f64;
+        let from = place as usize;
+        let to = (from + 1).min(knots.len() - 1);
+        knots[from] + (knots[to] - knots[from]) * place.fract()
+    })
 }
 
 /// Draws the time axis below charts.

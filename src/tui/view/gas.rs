@@ -48,7 +48,7 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
         pane,
         glyphs,
     );
-    let remark = words(&picture.portion, snapshot);
+    let remark = words(&picture.portion, snapshot, area.width.saturating_sub(10));
     let inner = framed_with_foot(buffer, area, title("gas", &remark), &foot);
     for (index, (glyph, layer)) in picture.cells.iter().enumerate() {
         let at = (
@@ -60,32 +60,37 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
             put(buffer, inner, at, glyph.encode_utf8(&mut bytes), style);
         }
     }
-    names(app, snapshot, &sample.names, inner, buffer);
+    names(glyphs, &sample.names, inner, buffer);
     scale_bar(picture.scale, snapshot.scene.units, inner, buffer);
 }
 
-/// What of the gas is shown.
-fn words(portion: &Portion, snapshot: &Snapshot) -> String {
+/// What of the gas is shown, in as many words as there is room for.
+fn words(portion: &Portion, snapshot: &Snapshot, room: u16) -> String {
     let units = snapshot.scene.units;
-    let molecules = match portion.one_in {
-        ..1.005 => "all molecules".to_string(),
-        ..10.0 => format!("1 molecule in {:.1}", portion.one_in),
+    let share = match portion.one_in {
+        ..1.005 => "all".to_string(),
+        ..10.0 => format!("1 in {:.1}", portion.one_in),
         many => {
             let power = 10_f64.powf(many.log10().floor() - 1.0);
-            format!(
-                "1 molecule in {}",
-                count(((many / power).round() * power) as u64)
-            )
+            let rounded = ((many / power).round() * power) as u64;
+            if rounded < 10_000 {
+                format!("1 in {rounded}")
+            } else {
+                format!("1 in {}", count(rounded))
+            }
         }
     };
-    match portion.slab {
-        Some(slab) => {
-            let edge = mean_edge(snapshot.scene.size);
-            let of = length(edge, units, 3);
-            format!("slab {} of {of} · {molecules}", length(slab, units, 2))
-        }
-        None => format!("whole depth · {molecules}"),
-    }
+    let depth = portion.slab.map_or("whole depth".into(), |slab| {
+        let edge = length(mean_edge(snapshot.scene.size), units, 3);
+        format!("slab {} of {edge}", length(slab, units, 2))
+    });
+    [
+        format!("{depth} · {share} of the molecules"),
+        format!("{depth} · {share}"),
+    ]
+    .into_iter()
+    .find(|words| width(words) <= room)
+    .unwrap_or(depth)
 }
 
 fn length(value: f64, units: Units, digits: usize) -> String {
@@ -109,13 +114,7 @@ fn style(layer: Layer) -> Option<Style> {
 }
 
 /// Which glyph is which named ball.
-fn names(app: &App, snapshot: &Snapshot, names: &[String], area: Rect, buffer: &mut Buffer) {
-    let glyphs = if app.ascii {
-        theme::ASCII
-    } else {
-        theme::UNICODE
-    };
-    let _ = snapshot;
+fn names(glyphs: &Glyphs, names: &[String], area: Rect, buffer: &mut Buffer) {
     let mut column = 0;
     for (index, (name, glyph)) in names.iter().zip(glyphs.tags).enumerate() {
         let text = format!("{glyph} {name}");

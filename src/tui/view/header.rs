@@ -23,7 +23,8 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
         put(buffer, area, (column, 1), &text, theme::VALUE);
         column += width(&text).max(least) + 2;
     }
-    put_before(buffer, area, (area.width - 1, 1), &left, theme::VALUE);
+    let start = (area.width - 1).saturating_sub(width(&left)).max(column);
+    put(buffer, area, (start, 1), &left, theme::VALUE);
 }
 
 /// Program, scene, engine and state.

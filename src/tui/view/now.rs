@@ -7,7 +7,9 @@ use super::chart::{self, Series};
 use super::text::{framed, put, put_before, title};
 use crate::snapshot::{HistoryPoint, Snapshot, Units};
 use crate::tui::app::App;
-use crate::tui::format::{count, percent_off, plain, quantity, scientific, si, sigmas, with_error};
+use crate::tui::format::{
+    MISSING, count, percent_off, plain, quantity, scientific, si, sigmas, with_error,
+};
 use crate::tui::theme;
 
 /// A quantity with its history.
@@ -108,7 +110,7 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
         Box::new(move |value| quantity(Some(value), unit, units, 4))
     };
     let beside = |expected: Option<f64>, write: &dyn Fn(f64) -> String| {
-        expected.map_or(String::new(), |value| format!("theory {}", write(value)))
+        format!("theory {}", expected.map_or(MISSING.into(), write))
     };
     let temperature = Entry {
         label: "temperature",

@@ -35,7 +35,8 @@ pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
 }
 
 /// What the marks on the screen mean.
-const MARKS: [&str; 4] = [
+const MARKS: [&str; 5] = [
+    "290.0 ps per s: simulated time per second on your clock",
     "theory +1.0σ: difference in standard errors",
     "o  Maxwell's curve   KS: Kolmogorov-Smirnov distance",
     "tagged molecules leave trails, at any depth",
@@ -93,7 +94,14 @@ fn show(name: &str, lines: &[String], style: Style, area: Rect, buffer: &mut Buf
         width: inner.width.saturating_sub(2),
         ..inner
     };
-    for (row, line) in lines.iter().enumerate() {
+    let rows = usize::from(text.height);
+    for (row, line) in lines.iter().take(rows).enumerate() {
+        let cut = row + 1 == rows && lines.len() > rows;
+        let line = if cut {
+            "(more in a larger window)"
+        } else {
+            line
+        };
         put(buffer, text, (0, row as u16), line, style);
     }
 }

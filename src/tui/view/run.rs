@@ -7,9 +7,7 @@ use ratatui::layout::Rect;
 use super::text::{framed, put, put_before, row, title, width};
 use crate::snapshot::{Phase, Snapshot, Units};
 use crate::tui::app::App;
-use crate::tui::format::{
-    MISSING, bytes, count, duration, percent_off, plain, quantity, relative, si,
-};
+use crate::tui::format::{MISSING, bytes, count, percent_off, plain, quantity, relative, si};
 use crate::tui::theme;
 use crate::tui::view::now;
 
@@ -123,7 +121,9 @@ fn rows(app: &App, snapshot: &Snapshot) -> Vec<(&'static str, String)> {
         ("peak memory", bytes(snapshot.peak_rss_bytes)),
         (
             "setup",
-            snapshot.setup_time_s.map_or(MISSING.into(), duration),
+            snapshot
+                .setup_time_s
+                .map_or(MISSING.into(), |time| si(time, "s", 3)),
         ),
     ]
 }

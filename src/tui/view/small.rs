@@ -68,7 +68,7 @@ fn numbers(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
         };
         chart::sparkline(&entry.series, plot.intersection(area), buffer);
         at += 1;
-        if !entry.remark.is_empty() {
+        if !entry.theory.is_empty() {
             put(buffer, area, (2, at), &entry.theory, theme::THEORY);
             put_before(buffer, area, (area.width, at), &entry.remark, theme::VALUE);
             at += 1;

@@ -6,7 +6,7 @@ use ratatui::layout::Rect;
 use super::chart::BARS;
 use super::text::{framed, put, put_before, title, width};
 use crate::snapshot::{Snapshot, Speeds, Units};
-use crate::tui::format::{MISSING, plain, quantity, si};
+use crate::tui::format::{MISSING, plain, quantity};
 use crate::tui::theme;
 
 /// Share of the balls that the speed axis may leave out on the right.
@@ -38,15 +38,19 @@ pub(super) fn panel(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     let fastest = fastest(speeds);
     let columns = usize::from(plot.width);
     let measured: Vec<f64> = speeds.counts.iter().map(|count| *count as f64).collect();
+    let measured = calmed(&measured, &speeds.maxwell);
     let measured = rebin(&measured, speeds.bin_width, fastest, columns);
     let maxwell = rebin(&speeds.maxwell, speeds.bin_width, fastest, columns);
     let highest = measured.iter().chain(&maxwell).copied().fold(0.0, f64::max) * 1.04;
     if highest > 0.0 && highest.is_finite() {
-        for column in 0..columns {
-            draw_bar(plot, column as u16, measured[column] / highest, buffer);
+        for (column, value) in measured.iter().enumerate() {
+            draw_bar(plot, column as u16, value / highest, buffer);
         }
         for (column, value) in maxwell.iter().enumerate() {
             let height = value / highest * f64::from(plot.height);
+            if height < 0.1 {
+                continue; // on the axis a curve is but clutter
+            }
             let row = (height.max(0.0) as u16).min(plot.height - 1);
             put(
                 buffer,
@@ -93,6 +97,21 @@ fn bins_below(bins: &[f64]) -> usize {
         .map_or(bins.len(), |place| place + 1)
 }
 
+/// Balls that the fullest bar should stand for.
+const ENOUGH: f64 = 40.0;
+
+/// Evens bins out in groups when the gas has too few balls for narrow ones.
+fn calmed(bins: &[f64], maxwell: &[f64]) -> Vec<f64> {
+    let fullest = maxwell.iter().copied().fold(1.0, f64::max);
+    let group = ((ENOUGH / fullest).ceil() as usize).clamp(1, bins.len().max(10) / 10);
+    bins.chunks(group)
+        .flat_map(|bins| {
+            let mean = bins.iter().sum::<f64>() / bins.len() as f64;
+            vec![mean; bins.len()]
+        })
+        .collect()
+}
+
 /// Shares bins out to columns in proportion to the overlap.
 fn rebin(bins: &[f64], bin_width: f64, fastest: f64, columns: usize) -> Vec<f64> {
     let step = fastest / columns as f64 / bin_width;
@@ -124,12 +143,8 @@ fn draw_bar(plot: Rect, column: u16, height: f64, buffer: &mut Buffer) {
 /// Round speeds along the bottom, and the unit at the end.
 fn speed_axis(fastest: f64, units: Units, area: Rect, buffer: &mut Buffer) {
     let unit = if units == Units::Si { "m/s" } else { "" };
-    let write = |value: f64| match units {
-        Units::Si => si(value, "", 4).replace(' ', "\u{a0}"),
-        Units::Reduced => plain(value, 3),
-    };
     let room = area.width.saturating_sub(width(unit) + 1);
-    let rough = fastest / (f64::from(area.width) / 10.0).max(1.0);
+    let rough = fastest / (f64::from(area.width) / 8.0).max(1.0);
     let power = 10_f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 2.5, 5.0, 10.0]
         .map(|digit| digit * power)
@@ -140,11 +155,7 @@ fn speed_axis(fastest: f64, units: Units, area: Rect, buffer: &mut Buffer) {
     let mut tick = step;
     let mut free = 2;
     while tick < fastest && step.is_normal() {
-        let text = if units == Units::Si && (1.0..10_000.0).contains(&tick) {
-            format!("{}", (tick * 10.0).round() / 10.0)
-        } else {
-            write(tick)
-        };
+        let text = tick_text(tick, step);
         let column = (tick / fastest * f64::from(area.width)) as u16;
         let start = column.saturating_sub(width(&text) / 2);
         if start >= free && start + width(&text) <= room {
@@ -153,6 +164,20 @@ fn speed_axis(fastest: f64, units: Units, area: Rect, buffer: &mut Buffer) {
         tick += step;
     }
     put_before(buffer, area, (area.width, 0), unit, theme::QUIET);
+}
+
+/// A round number with as many decimals as its step needs.
+fn tick_text(tick: f64, step: f64) -> String {
+    if !(1e-3..1e5).contains(&step) {
+        return plain(tick, 2);
+    }
+    let decimals = (0..4)
+        .find(|decimals| {
+            let scaled = step * 10_f64.powi(*decimals);
+            (scaled - scaled.round()).abs() < 1e-6
+        })
+        .unwrap_or(4) as usize;
+    format!("{tick:.decimals$}")
 }
 
 #[cfg(test)]

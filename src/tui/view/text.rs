@@ -2,7 +2,7 @@
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
-use ratatui::style::Style;
+use ratatui::style::{Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, BorderType, Widget};
 
@@ -66,7 +66,10 @@ pub(super) fn framed_with_foot(buffer: &mut Buffer, area: Rect, title: Line, foo
 
 /// A title with a bold name and a quiet remark.
 pub(super) fn title<'a>(name: &'a str, remark: &str) -> Line<'a> {
-    let mut spans = vec![Span::styled(format!(" {name} "), theme::STRONG)];
+    let mut spans = vec![Span::styled(
+        format!(" {name} "),
+        theme::STRONG.remove_modifier(Modifier::DIM), // the border is dim
+    )];
     if !remark.is_empty() {
         spans.push(Span::styled(format!("· {remark} "), theme::QUIET));
     }

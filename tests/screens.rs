@@ -1,0 +1,285 @@
+//! Golden screens, every size, and what the keys do.
+
+mod fake;
+
+use std::sync::Arc;
+
+use moltop::feed::Command;
+use moltop::snapshot::{Phase, Snapshot};
+use moltop::tui::Leave;
+use moltop::tui::app::{App, Overlay};
+use moltop::tui::picture::Mode;
+use moltop::tui::view;
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use ratatui::buffer::Buffer;
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
+use ratatui::layout::Rect;
+
+use fake::{Random, oxygen, running, small_gas, starting};
+
+/// A dashboard that has watched a run for some frames, so that trails exist.
+fn watching(phase: &Phase, reversed: bool) -> App {
+    let mut app = App::new(Arc::new(running(oxygen(), 0)), false);
+    for frame in 1..12 {
+        let mut snapshot = running(oxygen(), frame);
+        if frame == 11 {
+            snapshot.phase = phase.clone();
+            snapshot.reversed = reversed;
+        }
+        app.observe(Arc::new(snapshot));
+    }
+    app
+}
+
+fn press(app: &mut App, code: KeyCode) -> (Option<Leave>, Vec<Command>) {
+    let mut commands = Vec::new();
+    let key = KeyEvent::new(code, KeyModifiers::NONE);
+    let leave = app.press(key, &mut |command| commands.push(command));
+    (leave, commands)
+}
+
+fn screen(app: &App, width: u16, height: u16) -> String {
+    let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a test backend");
+    terminal
+        .draw(|frame| view::draw(app, frame.area(), frame.buffer_mut()))
+        .expect("a test backend takes every frame");
+    terminal.backend().to_string()
+}
+
+#[track_caller]
+fn golden(name: &str, app: &App, width: u16, height: u16) {
+    insta::assert_snapshot!(
+        format!("{name}_{width}x{height}"),
+        screen(app, width, height)
+    );
+}
+
+#[test]
+fn a_run_that_has_just_begun() {
+    let app = App::new(Arc::new(starting(oxygen())), false);
+    golden("starting", &app, 80, 24);
+    golden("starting", &app, 40, 12);
+}
+
+#[test]
+fn a_running_run_at_every_layout() {
+    let app = watching(&Phase::Running, false);
+    for (width, height) in [(80, 24), (40, 12), (60, 30), (120, 40), (200, 60)] {
+        golden("running", &app, width, height);
+    }
+}
+
+#[test]
+fn a_paused_run() {
+    golden("paused", &watching(&Phase::Paused, false), 80, 24);
+}
+
+#[test]
+fn a_reversed_run() {
+    golden("reversed", &watching(&Phase::Running, true), 80, 24);
+}
+
+#[test]
+fn a_finished_run() {
+    golden("finished", &watching(&Phase::Finished, false), 80, 24);
+}
+
+#[test]
+fn a_failed_run_says_why_in_full() {
+    let why = "balls 3121 and 55120 overlap by 1.2e-3 of the contact distance at t = 12.48 ns, \
+               more than round-off explains; this is a fault of the engine, please report it with the scene file";
+    let app = watching(&Phase::Failed(why.into()), false);
+    golden("failed", &app, 80, 24);
+    golden("failed", &app, 40, 12);
+}
+
+#[test]
+fn the_help() {
+    let mut app = watching(&Phase::Running, false);
+    press(&mut app, KeyCode::Char('?'));
+    golden("help", &app, 80, 24);
+}
+
+#[test]
+fn the_question_before_leaving() {
+    let mut app = watching(&Phase::Running, false);
+    press(&mut app, KeyCode::Char('q'));
+    golden("question", &app, 80, 24);
+}
+
+#[test]
+fn a_frozen_screen_rests_while_the_run_goes_on() {
+    let mut app = watching(&Phase::Running, false);
+    press(&mut app, KeyCode::Char('f'));
+    let before = screen(&app, 80, 24);
+    assert!(!app.observe(Arc::new(running(oxygen(), 90))));
+    assert_eq!(screen(&app, 80, 24), before);
+    golden("frozen", &app, 80, 24);
+}
+
+#[test]
+fn the_whole_depth() {
+    let mut app = watching(&Phase::Running, false);
+    press(&mut app, KeyCode::Char('v'));
+    assert_eq!(app.mode, Mode::Depth);
+    golden("depth", &app, 120, 40);
+}
+
+#[test]
+fn large_balls_in_reduced_units() {
+    let app = App::new(Arc::new(running(small_gas(), 3)), false);
+    golden("small_gas", &app, 120, 40);
+}
+
+#[test]
+fn seven_bits_are_enough() {
+    for (width, height) in [(80, 24), (120, 40), (40, 12)] {
+        let mut half_way = running(oxygen(), 0);
+        half_way.until = Some(2.51e-8);
+        let app = App::new(Arc::new(half_way), true);
+        let text = screen(&app, width, height);
+        assert!(text.is_ascii(), "{text}");
+        // Only the help key is a question mark: every glyph of ours has its stand-in.
+        assert_eq!(text.matches('?').count(), 1, "{text}");
+    }
+    let mut app = watching(&Phase::Running, false);
+    app.ascii = true;
+    golden("ascii", &app, 80, 24);
+}
+
+#[test]
+fn a_small_window_says_what_it_needs() {
+    let app = watching(&Phase::Running, false);
+    assert!(screen(&app, 30, 8).contains("moltop needs 40x12, has 30x8"));
+}
+
+/// A snapshot whose every number is as bad as numbers get.
+fn hostile() -> Snapshot {
+    let mut snapshot = running(oxygen(), 1);
+    snapshot.time = f64::NAN;
+    snapshot.until = Some(0.0);
+    snapshot.wall_time_s = f64::INFINITY;
+    snapshot.time_rate = Some(-1.0);
+    snapshot.time_left_s = Some((f64::NAN, f64::INFINITY));
+    snapshot.temperature = Some(f64::NAN);
+    snapshot.pressure.standard_error = Some(0.0);
+    snapshot.expected.pair_rate = Some(0.0);
+    snapshot.kinetic_energy = f64::MAX;
+    let history = Arc::make_mut(&mut snapshot.history);
+    for (index, point) in history.iter_mut().enumerate() {
+        point.temperature = [f64::NAN, f64::MAX, -f64::MAX, 0.0][index % 4];
+        point.pressure = f64::NAN;
+        point.time = [1.0, f64::NAN, 0.5, -1.0][index % 4];
+    }
+    let speeds = Arc::make_mut(snapshot.speeds.as_mut().expect("a running run has speeds"));
+    speeds.ks_critical = 0.0;
+    speeds.maxwell[3] = f64::NAN;
+    let sample = Arc::make_mut(
+        snapshot
+            .sample
+            .as_mut()
+            .expect("a watched run has a sample"),
+    );
+    sample.positions.truncate(500);
+    sample.positions[7] = [f32::NAN, f32::INFINITY, 0.0];
+    sample.names = ["pollen", "", "花粉"].map(String::from).to_vec();
+    snapshot
+}
+
+#[test]
+fn nothing_that_is_no_number_reaches_the_screen() {
+    let app = App::new(Arc::new(hostile()), false);
+    for (width, height) in [(80, 24), (40, 12), (200, 60)] {
+        let text = screen(&app, width, height);
+        assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
+    }
+}
+
+#[test]
+fn no_size_and_no_key_ends_in_a_panic() {
+    let keys: Vec<KeyCode> = " rs,.+-v[]0f?ynq"
+        .chars()
+        .map(KeyCode::Char)
+        .chain([
+            KeyCode::Left,
+            KeyCode::Up,
+            KeyCode::Down,
+            KeyCode::Right,
+            KeyCode::Esc,
+        ])
+        .collect();
+    let mut random = Random(3);
+    let failed = watching(&Phase::Failed("because".into()), false);
+    let apps = [
+        App::new(Arc::new(starting(oxygen())), false),
+        App::new(Arc::new(running(small_gas(), 0)), true),
+        App::new(Arc::new(hostile()), false),
+        failed,
+    ];
+    for mut app in apps {
+        for width in (0..=250).step_by(7).chain([1, 39, 40, 79, 80, 81]) {
+            for height in (0..=80).step_by(9).chain([1, 2, 11, 12, 23, 24]) {
+                let area = Rect::new(0, 0, width, height);
+                view::draw(&app, area, &mut Buffer::empty(area));
+                press(&mut app, keys[random.next() as usize % keys.len()]);
+            }
+        }
+    }
+}
+
+#[test]
+fn an_area_beyond_the_buffer_is_cut() {
+    let app = watching(&Phase::Running, false);
+    let mut buffer = Buffer::empty(Rect::new(0, 0, 50, 14));
+    view::draw(&app, Rect::new(10, 5, 200, 60), &mut buffer);
+}
+
+#[test]
+fn space_pauses_and_resumes_also_faster_than_the_run_answers() {
+    let mut app = watching(&Phase::Running, false);
+    assert_eq!(press(&mut app, KeyCode::Char(' ')).1, [Command::Pause]);
+    assert_eq!(press(&mut app, KeyCode::Char(' ')).1, [Command::Resume]);
+    app.observe(Arc::new(Snapshot {
+        phase: Phase::Paused,
+        ..running(oxygen(), 40)
+    }));
+    assert_eq!(press(&mut app, KeyCode::Char(' ')).1, [Command::Resume]);
+}
+
+#[test]
+fn the_ceiling_starts_at_the_present_rate_and_is_lifted_above_the_highest_useful_one() {
+    let mut app = watching(&Phase::Running, false); // at 0.29 ns per second
+    assert_eq!(press(&mut app, KeyCode::Char('.')).1, []);
+    let ceiling = |rate| [Command::LimitTimeRate(rate)];
+    assert_eq!(press(&mut app, KeyCode::Char(',')).1, ceiling(Some(2e-10)));
+    assert_eq!(press(&mut app, KeyCode::Char(',')).1, ceiling(Some(1e-10)));
+    assert_eq!(press(&mut app, KeyCode::Char('.')).1, ceiling(Some(2e-10)));
+    assert_eq!(press(&mut app, KeyCode::Char('.')).1, ceiling(None));
+}
+
+#[test]
+fn leaving_a_run_that_goes_on_needs_a_yes() {
+    let mut app = watching(&Phase::Running, false);
+    assert_eq!(press(&mut app, KeyCode::Char('q')).0, None);
+    assert_eq!(press(&mut app, KeyCode::Esc).0, None);
+    assert_eq!(app.overlay, None);
+    press(&mut app, KeyCode::Char('q'));
+    assert_eq!(app.overlay, Some(Overlay::QuitQuestion));
+    assert_eq!(press(&mut app, KeyCode::Enter).0, Some(Leave::Quit));
+}
+
+#[test]
+fn leaving_a_finished_run_needs_no_yes() {
+    let mut app = watching(&Phase::Finished, false);
+    assert_eq!(press(&mut app, KeyCode::Char('q')).0, Some(Leave::Quit));
+    let mut app = watching(&Phase::Failed("because".into()), false);
+    assert_eq!(press(&mut app, KeyCode::Char('q')).0, Some(Leave::Quit));
+}
+
+#[test]
+fn control_c_leaves_at_once() {
+    let mut app = watching(&Phase::Running, false);
+    let key = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
+    assert_eq!(app.press(key, &mut |_| {}), Some(Leave::Quit));
+}

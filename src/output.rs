@@ -335,9 +335,7 @@ mod tests {
     #[test]
     fn a_state_reads_back_bit_for_bit() {
         let balls = Placement {
-            domain: Domain::Container {
-                half_size: DVec3::ONE,
-            },
+            domain: Domain::container(DVec3::ONE),
             center: DVec3::ZERO,
             bodies: vec![Body {
                 radius: 0.1,

@@ -520,7 +520,7 @@ impl EventDriven {
     fn look_in_all_cells(&self, ball: usize) -> Candidate {
         let mut best = Candidate::NONE;
         self.cells.for_each_company(ball, |company| {
-            look(&self.state, &self.cells, ball, company, &mut best)
+            look(&self.state, &self.cells, ball, company, &mut best);
         });
         best
     }

@@ -14,6 +14,7 @@ use crate::feed::Command;
 use crate::history::History;
 use crate::observe::Observer;
 use crate::scene::Scene;
+use crate::scene::analysis::Theory;
 use crate::snapshot::{
     Counts, Expected, HistoryPoint, Phase, Pressure, SceneCard, SeriesRow, Snapshot,
 };
@@ -40,6 +41,7 @@ const LIMITED_SLICE_S: f64 = 0.02;
 /// What is fixed when a run starts.
 pub struct Setting {
     card: Arc<SceneCard>,
+    theory: Theory,
     names: Vec<String>,
     sampled: Vec<u32>,
     options: Options,
@@ -51,6 +53,7 @@ impl Setting {
         let named = scene.named_balls();
         Self {
             card: Arc::new(scene.card(placement)),
+            theory: Theory::new(placement, scene.units),
             sampled: measure::sampled_balls(placement.positions.len(), &named),
             names: named.into_iter().map(|(name, _)| name).collect(),
             options,
@@ -441,6 +444,9 @@ impl Run<'_> {
             mean_free_path: pair_rate
                 .zip(self.survey.mean_speed)
                 .map(|(rate, speed)| balls * speed / (2.0 * rate)),
+            expected: temperature.map_or_else(Expected::default, |temperature| {
+                self.setting.theory.at(temperature)
+            }),
             energy_drift: self.survey.energy_drift,
             momentum_drift: self.survey.momentum_drift,
             virial_residual: self.survey.virial_residual,

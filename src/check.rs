@@ -163,7 +163,7 @@ impl Report {
         line(
             "memory",
             &format!(
-                "about {} MB, {} bytes per ball",
+                "up to about {} MB, {} bytes per ball",
                 plain(memory),
                 self.bytes_per_ball
             ),

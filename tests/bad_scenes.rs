@@ -112,6 +112,21 @@ fn faults_are_capped() {
     assert!(lines[20].starts_with("s.toml: and "));
 }
 
+#[test]
+fn more_balls_than_memory_holds_are_refused_before_anything_is_allocated() {
+    let text = "units = \"reduced\"\n[domain]\nkind = \"container\"\nsize = [10, 10, 10]\n\
+                [[species]]\ncount = 3_900_000_000\nradius = 1e-5\nmass = 1\n";
+    let Err(Error::Scene(lines)) = Scene::parse(Path::new("s.toml"), text) else {
+        panic!("1.56 TB are too much")
+    };
+    assert_eq!(lines.len(), 1);
+    assert!(
+        lines[0].starts_with("s.toml:6: count = 3_900_000_000: needs 1560.0 GB of memory, and "),
+        "{}",
+        lines[0]
+    );
+}
+
 /// Lines that scenes are made of, so that random text gets past the first key now and then.
 const LINES: &[&str] = &[
     "units = \"si\"",

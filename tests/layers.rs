@@ -5,26 +5,25 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Modules of the physics; each is a file, a directory, or both.
-const PHYSICS: [&str; 11] = [
-    "calendar",
-    "cell_list",
-    "collision",
-    "domain",
-    "engine",
-    "event",
-    "observe",
-    "state",
-    "sum",
-    "time",
-    "units",
-];
-
 /// What physics may not name: the world outside.
 const WORLD: [&str; 5] = ["fs", "net", "io", "time", "thread"];
 
 /// What the screen may name of the crate, beside itself.
 const SEEN_BY_SCREEN: [&str; 4] = ["tui", "feed", "snapshot", "error"];
+
+/// Modules that `src/lib.rs` lists under a heading, a comment of one word.
+fn layer(heading: &str) -> Vec<String> {
+    let library = fs::read_to_string("src/lib.rs").expect("the library");
+    let section = library
+        .split(&format!("// {heading}.\n"))
+        .nth(1)
+        .expect("the layer's heading");
+    let section = section.split("\n\n").next().expect("its lines");
+    let names = section
+        .lines()
+        .filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'));
+    names.map(str::to_owned).collect()
+}
 
 fn sources(module: &str) -> Vec<PathBuf> {
     let file = Path::new("src").join(module).with_extension("rs");
@@ -107,11 +106,12 @@ fn identifier(text: &str) -> String {
 
 #[test]
 fn physics_imports_physics_only() {
+    let physics = layer("Physics");
     let mut broken = Vec::new();
-    for path in PHYSICS.iter().flat_map(|module| sources(module)) {
+    for path in physics.iter().flat_map(|module| sources(module)) {
         let code = code(&path);
         for name in named_below(&code, "crate") {
-            if !PHYSICS.contains(&name.as_str()) {
+            if !physics.contains(&name) {
                 broken.push(format!("{} names crate::{name}", path.display()));
             }
         }
@@ -122,6 +122,33 @@ fn physics_imports_physics_only() {
         }
     }
     assert_eq!(broken, [] as [String; 0]);
+}
+
+#[test]
+fn every_module_has_its_layer() {
+    let mut listed = [layer("Physics"), layer("Edges"), layer("Screen")].concat();
+    listed.extend(["error", "lib", "main"].map(str::to_owned));
+    listed.sort();
+    let files = fs::read_dir("src")
+        .expect("the sources")
+        .map(|entry| entry.expect("an entry").path());
+    let files = files.filter(|path| path.extension().is_some_and(|extension| extension == "rs"));
+    let mut found: Vec<String> = files
+        .map(|path| {
+            path.file_stem()
+                .expect("a name")
+                .to_string_lossy()
+                .into_owned()
+        })
+        .collect();
+    found.sort();
+    assert_eq!(listed, found);
+    let physics = layer("Physics");
+    assert!(
+        ["collision", "engine", "state"]
+            .iter()
+            .all(|name| physics.iter().any(|module| module == name))
+    );
 }
 
 #[test]
@@ -143,7 +170,7 @@ fn physics_stands_on_std_glam_and_libm_alone() {
         crates.contains(&"serde_json".to_owned()),
         "the manifest was read"
     );
-    for path in PHYSICS.iter().flat_map(|module| sources(module)) {
+    for path in layer("Physics").iter().flat_map(|module| sources(module)) {
         let code = code(&path);
         let foreign: Vec<&String> = crates
             .iter()

@@ -8,9 +8,10 @@
 //! exact at low density and borrows the dense factor of balls alike. The pair rate is scaled so that the virial theorem holds:
 //! `3 (P_wall V' - N kT)` is what the pair collisions transfer.
 //!
-//! How good it is: exact to first order in density and in d / L. For 512 balls at packing fraction 0.109 in a box of 13.5
-//! diameters, pair and wall rate lie in the band of independent simulations, the pressure 1 to 3 % below theirs. Balls beyond a
-//! packing fraction of 0.5 may freeze; the theory is silent there.
+//! How good it is: exact to first order in density and in d / L; within 1 % for the pressure and 2 % for the rates in gases of
+//! some hundred balls up to a packing fraction of 0.15, mixtures included (`tests/theory.rs`). Where walls are everywhere it
+//! is coarser: a few per cent for 27 balls in a box of 5 diameters or for a dense fluid (0.39) in a box of 11. Beyond a bulk
+//! packing fraction of 0.5 balls may freeze; the theory is silent there.
 //!
 //! Sources: Mansoori et al., J. Chem. Phys. 54, 1523 (1971); Reiss, Frisch, Helfand & Lebowitz, J. Chem. Phys. 32, 119 (1960);
 //! Chapman & Cowling, The Mathematical Theory of Non-Uniform Gases.

@@ -134,6 +134,8 @@ struct Run<'a> {
     limit_anchor: (Instant, f64),
     /// Simulated time at which a single step ends.
     step_until: Option<f64>,
+    /// Where the last slice was to end.
+    target: f64,
     setup_time_s: f64,
     sequence: u64,
     published: Instant,
@@ -174,6 +176,7 @@ pub fn run(
         limit: None,
         limit_anchor: (Instant::now(), 0.0),
         step_until: None,
+        target: 0.0,
         setup_time_s: setting.options.program_start.elapsed().as_secs_f64(),
         sequence: 0,
         published: Instant::now(),
@@ -269,9 +272,14 @@ impl Run<'_> {
         ControlFlow::Continue(())
     }
 
+    /// Simulated time: what was asked for, where the engine has got there.
     fn time(&self) -> f64 {
         let state = self.engine.state();
-        state.units.scene_time(state.now)
+        if state.now == state.units.instant(self.target) {
+            self.target
+        } else {
+            state.units.scene_time(state.now)
+        }
     }
 
     /// Runs one slice; breaks when the end of the run is reached.
@@ -286,6 +294,7 @@ impl Run<'_> {
         }
         let stops = [Some(next_row), self.step_until, self.setting.options.until];
         let target = stops.into_iter().flatten().fold(time + length, f64::min);
+        self.target = target;
         let observer = &mut self.observer;
         let until = self.engine.state().units.instant(target);
         self.engine

@@ -3,6 +3,7 @@
 use crate::event::{Collision, Participants};
 use crate::state::{State, Time};
 
+pub mod contact;
 pub mod event_driven;
 
 /// What moves a gas forward in time: a function of its state, which alone decides what comes next.

@@ -3,11 +3,13 @@
 //! [`Scene::load`] and [`Scene::parse`] doubt every value once; what comes out of [`Scene::place`] is finite, inside the
 //! domain and free of overlaps, so nothing behind it doubts again.
 
+mod checks;
 mod contact_grid;
 mod format;
 mod memory;
 mod placement;
 mod reader;
+mod region;
 mod site;
 mod table;
 
@@ -71,9 +73,9 @@ pub struct Species {
     pub name: Option<String>,
     /// Number of balls.
     pub count: usize,
-    /// Radius of each \[length\]; `None` takes it from the rows of the file that places them.
+    /// Radius of each \[length\], 0 for points; `None` takes it from the rows of the file that places them.
     pub radius: Option<f64>,
-    /// Mass of each \[mass\]; `None` takes it from the rows of the file that places them.
+    /// Mass of each \[mass\], infinite for balls that never move; `None` takes it from the rows of the file that places them.
     pub mass: Option<f64>,
     /// Where the balls start.
     pub sites: Sites,
@@ -130,9 +132,9 @@ pub struct Ball {
     pub position: DVec3,
     /// Velocity.
     pub velocity: DVec3,
-    /// Radius \[length\].
+    /// Radius \[length\], 0 for a point.
     pub radius: f64,
-    /// Mass \[mass\].
+    /// Mass \[mass\], infinite for a ball that never moves.
     pub mass: f64,
     /// Line of the scene file, for messages.
     pub line: usize,

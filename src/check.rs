@@ -215,12 +215,17 @@ fn cost(expected: Rates, walls: bool, until: Option<f64>) -> Option<Cost> {
 
 /// Why theory has nothing to say of a scene.
 fn why_silent(placement: &Placement) -> &'static str {
+    if placement.positions.len() < analysis::FEWEST {
+        return "too few balls for averages";
+    }
     if placement.domain.boundary == Boundary::Open {
         "the balls spread in open space"
     } else if !placement.domain.planes.is_empty() {
         "planes divide the domain"
     } else if placement.bodies.iter().any(|body| body.mass.is_infinite()) {
         "some balls are fixed"
+    } else if analysis::packing_fraction(placement) < 0.3 {
+        "a ball nearly fills the container"
     } else {
         "so dense that the balls may freeze"
     }

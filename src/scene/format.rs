@@ -39,13 +39,9 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Scene, Vec<String>> {
 
 /// `None` only after a fault.
 fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) -> Option<Scene> {
-    let title = table.text("title", faults).map_or_else(
-        || {
-            path.file_stem()
-                .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
-        },
-        |title| title.value,
-    );
+    let title = table
+        .text("title", faults)
+        .map_or_else(|| default_title(path), |title| title.value);
     let units = read_units(&mut table, faults);
     let seed = table.count("seed", faults).map_or(1, |seed| seed.value);
     let domain = if let Some(table) = table.table("domain", "[domain]", faults) {
@@ -81,6 +77,7 @@ fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) ->
     let Region {
         mut domain, span, ..
     } = domain?;
+    let (planes, texts): (Vec<_>, Vec<_>) = planes.into_iter().unzip();
     domain.planes = planes;
     let scene = Scene {
         title,
@@ -88,6 +85,7 @@ fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) ->
         seed,
         domain,
         center,
+        planes: texts,
         until,
         sample,
         species,
@@ -98,6 +96,12 @@ fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) ->
     check_precision(&scene, span.start, faults);
     check_memory(&scene, faults);
     Some(scene)
+}
+
+/// The file's name without its extension.
+pub(super) fn default_title(path: &Path) -> String {
+    path.file_stem()
+        .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
 }
 
 fn read_units(table: &mut Table, faults: &mut Faults) -> Option<Units> {
@@ -392,13 +396,13 @@ fn read_run(mut table: Table, units: Option<Units>, faults: &mut Faults) -> (Opt
 }
 
 /// A thousand rows until the end of the run; without an end, one row per nanosecond or per tenth of the unit of time.
-fn default_sample(until: Option<f64>, units: Option<Units>) -> f64 {
+pub(super) fn default_sample(until: Option<f64>, units: Option<Units>) -> f64 {
     let open_end = if units == Some(Units::Si) { 1e-9 } else { 0.1 };
     until.map_or(open_end, |until| until / 1000.0)
 }
 
 /// Far from the origin, positions are coarse; against a small ball's radius that would be felt.
-fn check_precision(scene: &Scene, size_at: usize, faults: &mut Faults) {
+pub(super) fn check_precision(scene: &Scene, size_at: usize, faults: &mut Faults) {
     let from_rows = scene
         .species
         .iter()
@@ -430,7 +434,7 @@ fn check_precision(scene: &Scene, size_at: usize, faults: &mut Faults) {
 }
 
 /// Each species fits by itself; together they must, too.
-fn check_memory(scene: &Scene, faults: &mut Faults) {
+pub(super) fn check_memory(scene: &Scene, faults: &mut Faults) {
     let needed = scene.ball_count() as u64 * memory::BYTES_PER_BALL;
     if let Some(free) = memory::available().filter(|&free| needed > free) {
         let (needed, free) = (needed as f64 / 1e9, free as f64 / 1e9);

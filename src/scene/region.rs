@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::PlaneText;
 use super::reader::{Faults, Table};
 use crate::domain::{Boundary, Domain, Plane};
 
@@ -84,7 +85,11 @@ pub(super) fn read_domain(mut table: Table, faults: &mut Faults) -> Option<Regio
 }
 
 /// Reads one `[[plane]]`, relative to the domain's centre.
-pub(super) fn read_plane(mut table: Table, center: DVec3, faults: &mut Faults) -> Option<Plane> {
+pub(super) fn read_plane(
+    mut table: Table,
+    center: DVec3,
+    faults: &mut Faults,
+) -> Option<(Plane, PlaneText)> {
     let point = table.vector("point", faults);
     let normal = table.vector("normal", faults);
     table.missing("point", "[x, y, z]", faults);
@@ -99,7 +104,11 @@ pub(super) fn read_plane(mut table: Table, center: DVec3, faults: &mut Faults) -
         let words = "is too far from the domain's centre";
         faults.value("point", &point.span, words);
     }
-    made
+    let text = PlaneText {
+        point: point.value,
+        normal: normal.value,
+    };
+    made.map(|plane| (plane, text))
 }
 
 /// The plane through a point; `None` if the normal has no direction.

@@ -1,0 +1,663 @@
+//! Engine `windowed`: exact collisions found window by window instead of ball by ball.
+//!
+//! In a dilute gas a classical event queue spends nearly all of its time on cell crossings that miss the cache. This engine has
+//! neither crossings nor a queue of all balls. It cuts time into short windows, all balls at once:
+//!
+//! 1. **List** each ball in the cells that its straight path in the window reaches into, along with the pieces of path that
+//!    follow its wall hits.
+//! 2. **Find**, cell by cell, the pairs of pieces that meet: a fast conservative filter first, then the exact prediction.
+//! 3. **Commit** the meetings in order of time. One is valid if both pieces are then their balls' present flights. The new
+//!    flights are listed and tested in turn, and what they meet joins the line.
+//!
+//! What always holds: every two pieces are tested when the later one is listed, in the cell of their contact point; whether a
+//! piece has begun or ended before a meeting is settled when that meeting's turn comes. So the collisions are those of the true
+//! dynamics, and since predictions are pure functions of trajectories they are those of engine `event`, bit for bit.
+//!
+//! Balls are kept sorted along a Morton curve through the cells and sorted again now and then; the state keeps its own order.
+
+mod filter;
+mod grid;
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use glam::DVec3;
+
+use crate::collision::{pair_time, wall_time};
+use crate::domain::Boundary;
+use crate::engine::contact::{self, InstantWatch};
+use crate::engine::{Counters, Engine, Stuck};
+use crate::event::{Collision, Wall};
+use crate::state::{State, Time, Trajectory};
+use filter::Filter;
+use grid::Grid;
+
+/// Cell width in mean spacings of the balls; measured to be best, and flat around.
+const SPACINGS_PER_CELL: f64 = 3.0;
+
+/// Window length in mean times that a ball takes from one cell into the next.
+const CROSSINGS_PER_WINDOW: f64 = 0.8;
+
+/// Mean number of cell faces that a Maxwellian ball crosses while moving one cell width at the speed `sqrt(k T / m)`:
+/// `3 sqrt(2 / pi)`, derived here.
+const CROSSINGS_PER_WIDTH: f64 = 2.394;
+
+/// Most pair collisions per ball in a window.
+const COLLISIONS_PER_WINDOW: f64 = 0.1;
+
+/// Longest window \[epochs\]: times in it stay exact relative to its first epoch.
+const LONGEST_WINDOW: f64 = 4.0;
+
+/// Windows between two sortings of the balls.
+const WINDOWS_PER_SORT: u32 = 8;
+
+/// A meeting of two pieces, or of a piece and a wall.
+#[derive(Clone, Copy, Debug)]
+struct Meeting {
+    /// When, in epochs from the window's first epoch.
+    time: f64,
+    /// The piece, or the first of the two.
+    piece: u32,
+    /// The other piece; [`AT_WALL`] and the wall's number for a wall.
+    other: u32,
+    /// For a wall: the piece that follows.
+    next: u32,
+    /// Orders meetings at one instant as all exact engines do.
+    rank: (u32, u32),
+}
+
+/// Numbers from here on are walls, not pieces.
+const AT_WALL: u32 = u32::MAX - 5;
+
+impl Meeting {
+    fn order(&self, other: &Self) -> Ordering {
+        let kind = |meeting: &Self| meeting.other < AT_WALL;
+        let ties = || (kind(self), self.rank).cmp(&(kind(other), other.rank));
+        self.time.total_cmp(&other.time).then_with(ties)
+    }
+}
+
+/// The earliest is the greatest: what a heap gives first.
+impl Ord for Meeting {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.order(self)
+    }
+}
+
+impl PartialOrd for Meeting {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Meeting {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Meeting {}
+
+/// A window of time, ends included.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    begin: Time,
+    end: Time,
+}
+
+/// The windowed engine.
+#[derive(Clone, Debug)]
+pub struct Windowed {
+    state: State,
+    grid: Grid,
+    filter: Filter,
+    /// The balls' flights at the beginning of the window, sorted: pieces `0..N`.
+    flights: Vec<Trajectory>,
+    /// The ball of each flight.
+    balls: Vec<u32>,
+    /// Pieces that begin within the window: `N` and up; and the flights they follow.
+    pieces: Vec<Trajectory>,
+    owners: Vec<u32>,
+    /// Each flight's present piece.
+    present: Vec<u32>,
+    /// Flights whose present piece is not their own.
+    changed: Vec<u32>,
+    window: Option<Window>,
+    length: f64,
+    windows_since_sort: u32,
+    /// Meetings found before the window's commits began, in order, and how many of them are done.
+    meetings: Vec<Meeting>,
+    done: usize,
+    /// Meetings of pieces that began during the commits.
+    follow_ups: BinaryHeap<Meeting>,
+    instants: InstantWatch,
+    counters: Counters,
+}
+
+impl Windowed {
+    /// Whether this engine can run a gas: a container without planes, every ball free to move.
+    pub fn supports(state: &State) -> bool {
+        state.domain.boundary == Boundary::Container
+            && state.domain.planes.is_empty()
+            && !state.bodies.any_fixed()
+            && state.kinetic_energy() > 0.0
+    }
+
+    /// Prepares a gas that this engine supports.
+    ///
+    /// # Panics
+    /// If [`Self::supports`] does not hold.
+    pub fn new(state: State) -> Self {
+        assert!(
+            Self::supports(&state),
+            "the caller asks first whether the windowed engine supports the gas"
+        );
+        let count = state.ball_count();
+        let volume = state.domain.volume();
+        let spacing = (volume / count as f64).cbrt();
+        let diameter = 2.0 * state.bodies.mean_radius();
+        let grid = Grid::new(
+            state.domain.half_size,
+            (SPACINGS_PER_CELL * spacing).max(diameter),
+            count,
+        );
+        let squares: f64 = state
+            .trajectories
+            .iter()
+            .map(|flight| flight.velocity.length_squared())
+            .sum();
+        let deviation = (squares / (3.0 * count as f64)).sqrt();
+        // Pair collisions per ball and time, from kinetic theory with the contact value of Carnahan and Starling.
+        let packing = (std::f64::consts::PI / 6.0 * diameter * diameter * diameter * count as f64
+            / volume)
+            .min(0.7);
+        let contact_value =
+            (1.0 - 0.5 * packing) / ((1.0 - packing) * (1.0 - packing) * (1.0 - packing));
+        let section = 2.0 * std::f64::consts::PI.sqrt() * diameter * diameter * contact_value;
+        let rate = section * count as f64 / volume * deviation;
+        let transit =
+            CROSSINGS_PER_WINDOW * grid.width().min_element() / (CROSSINGS_PER_WIDTH * deviation);
+        let mut engine = Self {
+            grid,
+            filter: Filter::default(),
+            flights: Vec::new(),
+            balls: Vec::new(),
+            pieces: Vec::new(),
+            owners: Vec::new(),
+            present: (0..count as u32).collect(),
+            changed: Vec::new(),
+            window: None,
+            length: transit
+                .min(COLLISIONS_PER_WINDOW / rate)
+                .min(LONGEST_WINDOW),
+            windows_since_sort: 0,
+            meetings: Vec::new(),
+            done: 0,
+            follow_ups: BinaryHeap::new(),
+            instants: InstantWatch::new(count),
+            counters: Counters::default(),
+            state,
+        };
+        engine.balls = (0..count as u32).collect();
+        engine.flights.clone_from(&engine.state.trajectories);
+        engine.sort();
+        engine
+    }
+
+    /// Sorts the balls along the curve through the cells, by where they are at the present.
+    fn sort(&mut self) {
+        self.windows_since_sort = 0;
+        let cells: Vec<u32> = self
+            .flights
+            .iter()
+            .map(|flight| self.grid.cell_at(flight.position_at(self.state.now)) as u32)
+            .collect();
+        let mut places = vec![0_u32; self.grid.cell_count() + 1];
+        for &cell in &cells {
+            places[cell as usize + 1] += 1;
+        }
+        for cell in 1..places.len() {
+            places[cell] += places[cell - 1];
+        }
+        let mut flights = self.flights.clone();
+        let mut balls = self.balls.clone();
+        for (index, &cell) in cells.iter().enumerate() {
+            let place = &mut places[cell as usize];
+            flights[*place as usize] = self.flights[index];
+            balls[*place as usize] = self.balls[index];
+            *place += 1;
+        }
+        (self.flights, self.balls) = (flights, balls);
+    }
+
+    /// Lists all balls and finds the meetings of the window that begins at the present.
+    fn open(&mut self) {
+        if self.windows_since_sort >= WINDOWS_PER_SORT {
+            self.sort();
+        }
+        self.windows_since_sort += 1;
+        let begin = self.state.now;
+        let end = begin
+            .after(self.length)
+            .expect("a window is a few epochs long");
+        self.window = Some(Window { begin, end });
+        self.list(begin, end);
+        self.find(begin, end);
+        self.meetings.sort_unstable_by(Meeting::order);
+    }
+
+    /// Lists every ball's path in the window, reflected at the walls.
+    fn list(&mut self, begin: Time, end: Time) {
+        self.grid.clear();
+        self.pieces.clear();
+        self.owners.clear();
+        self.meetings.clear();
+        self.done = 0;
+        let half_size = self.state.domain.half_size;
+        for flight in 0..self.flights.len() {
+            let trajectory = self.flights[flight];
+            let radius = self.state.bodies.of(self.balls[flight] as usize).radius;
+            let (from, to) = (trajectory.position_at(begin), trajectory.position_at(end));
+            if to.abs().cmpge(half_size - radius).any() {
+                let mut meetings = std::mem::take(&mut self.meetings);
+                self.launch(flight as u32, begin, end, &mut |_, meeting| {
+                    meetings.push(meeting)
+                });
+                self.meetings = meetings;
+            } else {
+                let grid = &mut self.grid;
+                let range = grid.reach(from, to, radius);
+                range.for_each(|place| {
+                    let cell = grid.cell(place);
+                    grid.insert(cell, flight as u32);
+                });
+            }
+        }
+    }
+
+    /// Lists a piece and those that follow its wall hits within the window; `found` gets each wall hit.
+    fn launch(
+        &mut self,
+        piece: u32,
+        begin: Time,
+        end: Time,
+        found: &mut dyn FnMut(&mut Self, Meeting),
+    ) {
+        let owner = self.owner(piece);
+        let ball = self.balls[owner as usize];
+        let body = self.state.bodies.of(ball as usize);
+        let room = self.state.domain.half_size - body.radius;
+        let mut piece = piece;
+        loop {
+            let trajectory = self.piece(piece);
+            let mut hit: Option<(Time, Wall)> = None;
+            for axis in 0..3 {
+                let speed = trajectory.velocity[axis];
+                if let Some(time) = wall_time(&trajectory, axis, room[axis].copysign(speed))
+                    && time <= end
+                    && hit.is_none_or(|(earliest, _)| time < earliest)
+                {
+                    hit = Some((
+                        time,
+                        Wall {
+                            axis,
+                            upper: speed > 0.0,
+                        },
+                    ));
+                }
+            }
+            let from = trajectory.position_at(if trajectory.begin > begin {
+                trajectory.begin
+            } else {
+                begin
+            });
+            let to = trajectory.position_at(hit.map_or(end, |(time, _)| time));
+            let grid = &mut self.grid;
+            grid.reach(from, to, body.radius).for_each(|place| {
+                let cell = grid.cell(place);
+                grid.insert(cell, piece);
+            });
+            let Some((time, wall)) = hit else { return };
+            let (after, _) = contact::wall(ball, trajectory, body, wall, room[wall.axis], time);
+            let next = self.add(after, owner);
+            let number = 2 * wall.axis as u32 + u32::from(wall.upper);
+            let time = time.relative_to(begin.epoch);
+            found(
+                self,
+                Meeting {
+                    time,
+                    piece,
+                    other: AT_WALL + number,
+                    next,
+                    rank: (ball, number),
+                },
+            );
+            piece = next;
+        }
+    }
+
+    /// Finds the meetings of all listed pieces.
+    fn find(&mut self, begin: Time, end: Time) {
+        let contact = 2.0 * self.state.bodies.largest_radius();
+        let fastest = self.flights.iter().fold(0.0, |fastest: f64, flight| {
+            fastest.max(flight.velocity.abs().max_element())
+        });
+        // A piece may leave the cell by its path in the window, forwards or drawn back to its beginning.
+        let extent = self.grid.width().max_element() + contact + fastest * end.since(begin);
+        let mut hits = Vec::new();
+        for cell in 0..self.grid.cell_count() {
+            let center = self.grid.center(cell);
+            self.filter.begin(contact, extent);
+            for &piece in self.grid.pieces(cell) {
+                let trajectory = piece_of(&self.flights, &self.pieces, piece);
+                self.filter
+                    .push(trajectory.position_at(begin) - center, trajectory.velocity);
+            }
+            hits.clear();
+            for row in 1..self.filter.len() {
+                self.filter
+                    .for_each_before(row, |other| hits.push((row, other)));
+            }
+            for &(row, other) in &hits {
+                let listed = self.grid.pieces(cell);
+                if let Some(meeting) = self.meeting(listed[row], listed[other], cell, begin, end) {
+                    self.meetings.push(meeting);
+                }
+            }
+        }
+    }
+
+    /// The meeting of two pieces in the window, if they meet in this cell.
+    fn meeting(
+        &self,
+        piece: u32,
+        other: u32,
+        cell: usize,
+        begin: Time,
+        end: Time,
+    ) -> Option<Meeting> {
+        let owners = [self.owner(piece), self.owner(other)];
+        if owners[0] == owners[1] {
+            return None;
+        }
+        let balls = owners.map(|owner| self.balls[owner as usize]);
+        let radii = balls.map(|ball| self.state.bodies.of(ball as usize).radius);
+        let pair = [self.piece(piece), self.piece(other)];
+        let time = pair_time(&pair[0], &pair[1], radii[0] + radii[1])?;
+        if time > end {
+            return None;
+        }
+        // Only the cell that holds the contact point counts the meeting: both are listed there.
+        let places = pair.map(|trajectory| trajectory.position_at(time));
+        let contact = places[0] + (places[1] - places[0]) * (radii[0] / (radii[0] + radii[1]));
+        (self.grid.cell_at(contact) == cell).then(|| Meeting {
+            time: time.relative_to(begin.epoch),
+            piece,
+            other,
+            next: 0,
+            rank: (balls[0].min(balls[1]), balls[0].max(balls[1])),
+        })
+    }
+
+    /// The next meeting in order, if it comes no later than `limit`.
+    fn take_next(&mut self, limit: f64) -> Option<Meeting> {
+        let found = self.meetings.get(self.done);
+        let follow_up = self.follow_ups.peek();
+        let from_follow_ups = match (found, follow_up) {
+            (Some(found), Some(follow_up)) => follow_up.order(found) == Ordering::Less,
+            (found, _) => found.is_none(),
+        };
+        let next = if from_follow_ups { follow_up } else { found };
+        let next = next.copied().filter(|meeting| meeting.time <= limit)?;
+        if from_follow_ups {
+            self.follow_ups.pop();
+        } else {
+            self.done += 1;
+        }
+        Some(next)
+    }
+
+    /// Carries out a meeting if its pieces are still their balls' present flights.
+    fn commit(
+        &mut self,
+        meeting: Meeting,
+        window: Window,
+        report: &mut dyn FnMut(&Collision),
+    ) -> Result<(), Stuck> {
+        let whole = meeting.time as u64;
+        let time = Time {
+            epoch: window.begin.epoch + whole,
+            local: meeting.time - whole as f64,
+        };
+        if meeting.other >= AT_WALL {
+            self.hit_wall(meeting, time, report)
+        } else {
+            self.meet(meeting, time, window, report)
+        }
+    }
+
+    fn hit_wall(
+        &mut self,
+        meeting: Meeting,
+        time: Time,
+        report: &mut dyn FnMut(&Collision),
+    ) -> Result<(), Stuck> {
+        let owner = self.owner(meeting.piece);
+        if self.present[owner as usize] != meeting.piece {
+            self.counters.stale_events += 1;
+            return Ok(());
+        }
+        self.state.now = time;
+        let ball = self.balls[owner as usize];
+        let body = self.state.bodies.of(ball as usize);
+        let number = meeting.other - AT_WALL;
+        let wall = Wall {
+            axis: number as usize / 2,
+            upper: number % 2 == 1,
+        };
+        let limit = self.state.domain.half_size[wall.axis] - body.radius;
+        let before = self.piece(meeting.piece);
+        let (after, collision) = contact::wall(ball, before, body, wall, limit, time);
+        self.counters.wall_collisions += 1;
+        self.instants.note(
+            &collision,
+            &[(ball as usize, self.last_contact(ball))],
+            &mut self.counters,
+        )?;
+        self.turn(owner, meeting.next, after);
+        report(&collision);
+        Ok(())
+    }
+
+    fn meet(
+        &mut self,
+        meeting: Meeting,
+        time: Time,
+        window: Window,
+        report: &mut dyn FnMut(&Collision),
+    ) -> Result<(), Stuck> {
+        let mut pieces = [meeting.piece, meeting.other];
+        let mut owners = pieces.map(|piece| self.owner(piece));
+        if (0..2).any(|one| self.present[owners[one] as usize] != pieces[one]) {
+            self.counters.stale_events += 1;
+            return Ok(());
+        }
+        if self.balls[owners[0] as usize] > self.balls[owners[1] as usize] {
+            pieces.swap(0, 1);
+            owners.swap(0, 1);
+        }
+        self.counters.late_events += u64::from(time < self.state.now);
+        let now = if time > self.state.now {
+            time
+        } else {
+            self.state.now
+        };
+        self.state.now = now;
+        let balls = owners.map(|owner| self.balls[owner as usize]);
+        let bodies = balls.map(|ball| self.state.bodies.of(ball as usize));
+        let before = pieces.map(|piece| self.piece(piece));
+        let (after, collision) = contact::pair(balls, before, bodies, DVec3::ZERO, now);
+        self.counters.pair_collisions += 1;
+        let watched = balls.map(|ball| (ball as usize, self.last_contact(ball)));
+        self.instants
+            .note(&collision, &watched, &mut self.counters)?;
+        for one in [0, 1] {
+            let piece = self.add(after[one], owners[one]);
+            self.turn(owners[one], piece, after[one]);
+            self.pursue(piece, window);
+        }
+        report(&collision);
+        Ok(())
+    }
+
+    /// Tests a piece that has just begun, and those that follow its wall hits, against all that is listed where they pass.
+    fn pursue(&mut self, piece: u32, window: Window) {
+        let first_new = self.pieces.len();
+        let mut walls = Vec::new();
+        // Testing before listing: the pieces of one ball do not meet each other.
+        self.look(piece, window);
+        self.launch(piece, window.begin, window.end, &mut |_, meeting| {
+            walls.push(meeting)
+        });
+        self.follow_ups.extend(walls);
+        for next in first_new..self.pieces.len() {
+            self.look((self.flights.len() + next) as u32, window);
+        }
+    }
+
+    /// Finds the meetings of one piece with those listed where it passes.
+    fn look(&mut self, piece: u32, window: Window) {
+        let trajectory = self.piece(piece);
+        let radius = self
+            .state
+            .bodies
+            .of(self.balls[self.owner(piece) as usize] as usize)
+            .radius;
+        let from = if trajectory.begin > window.begin {
+            trajectory.begin
+        } else {
+            window.begin
+        };
+        let range = self.grid.reach(
+            trajectory.position_at(from),
+            trajectory.position_at(window.end),
+            radius,
+        );
+        let mut found = std::mem::take(&mut self.follow_ups);
+        range.for_each(|place| {
+            let cell = self.grid.cell(place);
+            for &other in self.grid.pieces(cell) {
+                found.extend(self.meeting(piece, other, cell, window.begin, window.end));
+            }
+        });
+        self.follow_ups = found;
+    }
+
+    /// A ball goes on along another piece.
+    fn turn(&mut self, owner: u32, piece: u32, after: Trajectory) {
+        self.present[owner as usize] = piece;
+        self.changed.push(owner);
+        let ball = self.balls[owner as usize] as usize;
+        self.state.trajectories[ball] = after;
+        self.state.collisions[ball] += 1;
+    }
+
+    /// Ends a window: every ball's present piece becomes its flight.
+    fn close(&mut self) {
+        for owner in std::mem::take(&mut self.changed) {
+            self.flights[owner as usize] =
+                self.state.trajectories[self.balls[owner as usize] as usize];
+            self.present[owner as usize] = owner;
+        }
+        self.follow_ups.clear();
+        self.meetings.clear();
+        self.done = 0;
+        self.window = None;
+    }
+
+    fn add(&mut self, trajectory: Trajectory, owner: u32) -> u32 {
+        self.pieces.push(trajectory);
+        self.owners.push(owner);
+        (self.flights.len() + self.pieces.len() - 1) as u32
+    }
+
+    #[inline]
+    fn piece(&self, piece: u32) -> Trajectory {
+        *piece_of(&self.flights, &self.pieces, piece)
+    }
+
+    /// The flight that a piece belongs to.
+    #[inline]
+    fn owner(&self, piece: u32) -> u32 {
+        (piece as usize)
+            .checked_sub(self.flights.len())
+            .map_or(piece, |new| self.owners[new])
+    }
+
+    /// When a ball's last collision was, if it had one.
+    fn last_contact(&self, ball: u32) -> Option<Time> {
+        let ball = ball as usize;
+        (self.state.collisions[ball] > 0).then(|| self.state.trajectories[ball].begin)
+    }
+}
+
+#[inline]
+fn piece_of<'a>(flights: &'a [Trajectory], pieces: &'a [Trajectory], piece: u32) -> &'a Trajectory {
+    let piece = piece as usize;
+    if piece < flights.len() {
+        &flights[piece]
+    } else {
+        &pieces[piece - flights.len()]
+    }
+}
+
+impl Engine for Windowed {
+    fn name(&self) -> &'static str {
+        "windowed"
+    }
+
+    fn advance(&mut self, until: Time, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck> {
+        while self.state.now < until {
+            if self.window.is_none() {
+                self.open();
+            }
+            let window = self.window.expect("a window has just been opened");
+            let limit = if until < window.end {
+                until
+            } else {
+                window.end
+            };
+            while let Some(meeting) = self.take_next(limit.relative_to(window.begin.epoch)) {
+                self.commit(meeting, window, report)?;
+            }
+            self.state.now = limit;
+            let waiting = (self.meetings.len() - self.done + self.follow_ups.len()) as u64;
+            self.counters.queue_length_max = self.counters.queue_length_max.max(waiting);
+            if limit == window.end {
+                self.close();
+            }
+        }
+        Ok(())
+    }
+
+    fn state(&self) -> &State {
+        &self.state
+    }
+
+    fn reverse(&mut self) {
+        self.close();
+        self.state.reverse();
+        self.instants.clear();
+        for (flight, &ball) in self.flights.iter_mut().zip(&self.balls) {
+            *flight = self.state.trajectories[ball as usize];
+        }
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    fn queue_length(&self) -> usize {
+        self.meetings.len() - self.done + self.follow_ups.len()
+    }
+}

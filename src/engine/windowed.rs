@@ -60,11 +60,14 @@ struct Meeting {
     piece: u32,
     /// The other piece; [`AT_WALL`] and the wall's number for a wall.
     other: u32,
-    /// For a wall: the piece that follows.
-    next: u32,
+    /// The pieces that follow, where they have been listed and tested already: `piece`'s and `other`'s.
+    next: [u32; 2],
     /// Orders meetings at one instant as all exact engines do.
     rank: (u32, u32),
 }
+
+/// A piece that does not exist yet.
+const NONE: u32 = u32::MAX;
 
 /// Numbers from here on are walls, not pieces.
 const AT_WALL: u32 = u32::MAX - 5;
@@ -115,9 +118,13 @@ pub struct Windowed {
     flights: Vec<Trajectory>,
     /// The ball of each flight.
     balls: Vec<u32>,
-    /// Pieces that begin within the window: `N` and up; and the flights they follow.
+    /// Pieces that begin within the window: `N` and up; the flights they follow; and the two pieces whose meeting they began
+    /// at, which they cannot meet again.
     pieces: Vec<Trajectory>,
     owners: Vec<u32>,
+    parents: Vec<[u32; 2]>,
+    /// The cells of the pieces last listed.
+    passed: Vec<(u32, u32)>,
     /// Each flight's present piece.
     present: Vec<u32>,
     /// Flights whose present piece is not their own.
@@ -128,6 +135,7 @@ pub struct Windowed {
     /// Meetings found before the window's commits began, in order, and how many of them are done.
     meetings: Vec<Meeting>,
     done: usize,
+    found: Vec<Meeting>,
     /// Meetings of pieces that began during the commits.
     follow_ups: BinaryHeap<Meeting>,
     instants: InstantWatch,
@@ -184,6 +192,8 @@ impl Windowed {
             balls: Vec::new(),
             pieces: Vec::new(),
             owners: Vec::new(),
+            parents: Vec::new(),
+            passed: Vec::new(),
             present: (0..count as u32).collect(),
             changed: Vec::new(),
             window: None,
@@ -193,6 +203,7 @@ impl Windowed {
             windows_since_sort: 0,
             meetings: Vec::new(),
             done: 0,
+            found: Vec::new(),
             follow_ups: BinaryHeap::new(),
             instants: InstantWatch::new(count),
             counters: Counters::default(),
@@ -251,19 +262,22 @@ impl Windowed {
         self.grid.clear();
         self.pieces.clear();
         self.owners.clear();
-        self.meetings.clear();
+        self.parents.clear();
         self.done = 0;
+        let (mut meetings, mut passed) = (
+            std::mem::take(&mut self.meetings),
+            std::mem::take(&mut self.passed),
+        );
+        meetings.clear();
         let half_size = self.state.domain.half_size;
         for flight in 0..self.flights.len() {
             let trajectory = self.flights[flight];
             let radius = self.state.bodies.of(self.balls[flight] as usize).radius;
             let (from, to) = (trajectory.position_at(begin), trajectory.position_at(end));
             if to.abs().cmpge(half_size - radius).any() {
-                let mut meetings = std::mem::take(&mut self.meetings);
-                self.launch(flight as u32, begin, end, &mut |_, meeting| {
+                self.launch(flight as u32, begin, end, &mut passed, &mut |meeting| {
                     meetings.push(meeting)
                 });
-                self.meetings = meetings;
             } else {
                 let grid = &mut self.grid;
                 let range = grid.reach(from, to, radius);
@@ -273,15 +287,19 @@ impl Windowed {
                 });
             }
         }
+        (self.meetings, self.passed) = (meetings, passed);
+        self.passed.clear();
     }
 
-    /// Lists a piece and those that follow its wall hits within the window; `found` gets each wall hit.
+    /// Lists a piece and those that follow its wall hits within the window; `passed` gets each piece with each of its cells,
+    /// `found` each wall hit.
     fn launch(
         &mut self,
         piece: u32,
         begin: Time,
         end: Time,
-        found: &mut dyn FnMut(&mut Self, Meeting),
+        passed: &mut Vec<(u32, u32)>,
+        found: &mut dyn FnMut(Meeting),
     ) {
         let owner = self.owner(piece);
         let ball = self.balls[owner as usize];
@@ -316,22 +334,20 @@ impl Windowed {
             grid.reach(from, to, body.radius).for_each(|place| {
                 let cell = grid.cell(place);
                 grid.insert(cell, piece);
+                passed.push((piece, cell as u32));
             });
             let Some((time, wall)) = hit else { return };
             let (after, _) = contact::wall(ball, trajectory, body, wall, room[wall.axis], time);
-            let next = self.add(after, owner);
+            let next = self.add(after, owner, [NONE; 2]);
             let number = 2 * wall.axis as u32 + u32::from(wall.upper);
             let time = time.relative_to(begin.epoch);
-            found(
-                self,
-                Meeting {
-                    time,
-                    piece,
-                    other: AT_WALL + number,
-                    next,
-                    rank: (ball, number),
-                },
-            );
+            found(Meeting {
+                time,
+                piece,
+                other: AT_WALL + number,
+                next: [next, NONE],
+                rank: (ball, number),
+            });
             piece = next;
         }
     }
@@ -344,30 +360,95 @@ impl Windowed {
         });
         // A piece may leave the cell by its path in the window, forwards or drawn back to its beginning.
         let extent = self.grid.width().max_element() + contact + fastest * end.since(begin);
+        let expected = self.flights.len() + self.pieces.len();
+        let mut filter = std::mem::take(&mut self.filter);
         let mut hits = Vec::new();
         for cell in 0..self.grid.cell_count() {
             let center = self.grid.center(cell);
-            self.filter.begin(contact, extent);
+            filter.begin(contact, extent);
             for &piece in self.grid.pieces(cell) {
                 let trajectory = piece_of(&self.flights, &self.pieces, piece);
-                self.filter
-                    .push(trajectory.position_at(begin) - center, trajectory.velocity);
+                filter.push(trajectory.position_at(begin) - center, trajectory.velocity);
             }
             hits.clear();
-            for row in 1..self.filter.len() {
-                self.filter
-                    .for_each_before(row, |other| hits.push((row, other)));
+            for row in 1..filter.len() {
+                filter.for_each_before(row, |other| hits.push((row, other)));
             }
-            for &(row, other) in &hits {
-                let listed = self.grid.pieces(cell);
-                if let Some(meeting) = self.meeting(listed[row], listed[other], cell, begin, end) {
-                    self.meetings.push(meeting);
+            let mut next = 0;
+            while let Some(&(row, other)) = hits.get(next) {
+                next += 1;
+                let pair = [row, other].map(|index| self.grid.pieces(cell)[index]);
+                let Some(mut meeting) = self.meeting(pair[0], pair[1], cell, begin, end) else {
+                    continue;
+                };
+                if pair.iter().all(|&piece| (piece as usize) < expected) {
+                    meeting.next = self.foresee(&meeting, cell, Window { begin, end });
+                    // What follows in this cell joins its rows.
+                    for index in filter.len()..self.grid.pieces(cell).len() {
+                        let trajectory =
+                            piece_of(&self.flights, &self.pieces, self.grid.pieces(cell)[index]);
+                        filter.push(trajectory.position_at(begin) - center, trajectory.velocity);
+                        filter.for_each_before(index, |other| hits.push((index, other)));
+                    }
                 }
+                self.meetings.push(meeting);
             }
         }
+        self.filter = filter;
+    }
+
+    /// Lists the pieces that will follow a meeting if it comes about, while its surroundings are at hand. Cells up to the
+    /// present one have been looked through, so what is listed there is tested now; the others will see it when their turn
+    /// comes. Gives the pieces after the meeting's `piece` and `other`.
+    fn foresee(&mut self, meeting: &Meeting, cell: usize, window: Window) -> [u32; 2] {
+        let mut pieces = [meeting.piece, meeting.other];
+        let swapped = self.ball(pieces[0]) > self.ball(pieces[1]);
+        if swapped {
+            pieces.swap(0, 1);
+        }
+        let owners = pieces.map(|piece| self.owner(piece));
+        let balls = owners.map(|owner| self.balls[owner as usize]);
+        let bodies = balls.map(|ball| self.state.bodies.of(ball as usize));
+        let time = time_in(window, meeting.time);
+        let (after, _) = contact::pair(
+            balls,
+            pieces.map(|piece| self.piece(piece)),
+            bodies,
+            DVec3::ZERO,
+            time,
+        );
+        let mut next = [0, 1].map(|one| {
+            let piece = self.add(after[one], owners[one], pieces);
+            self.foresee_path(piece, cell, window);
+            piece
+        });
+        if swapped {
+            next.swap(0, 1);
+        }
+        next
+    }
+
+    /// Lists a foreseen piece and those that follow its wall hits, and tests them in the cells that have had their turn.
+    fn foresee_path(&mut self, piece: u32, cell: usize, window: Window) {
+        let mut passed = std::mem::take(&mut self.passed);
+        let mut meetings = std::mem::take(&mut self.meetings);
+        passed.clear();
+        self.launch(
+            piece,
+            window.begin,
+            window.end,
+            &mut passed,
+            &mut |meeting| meetings.push(meeting),
+        );
+        for &(piece, place) in passed.iter().filter(|&&(_, place)| (place as usize) < cell) {
+            self.look_in_cell(piece, place as usize, window, &mut meetings);
+        }
+        self.meetings = meetings;
+        self.passed = passed;
     }
 
     /// The meeting of two pieces in the window, if they meet in this cell.
+    #[inline]
     fn meeting(
         &self,
         piece: u32,
@@ -376,25 +457,44 @@ impl Windowed {
         begin: Time,
         end: Time,
     ) -> Option<Meeting> {
-        let owners = [self.owner(piece), self.owner(other)];
-        if owners[0] == owners[1] {
-            return None;
-        }
-        let balls = owners.map(|owner| self.balls[owner as usize]);
-        let radii = balls.map(|ball| self.state.bodies.of(ball as usize).radius);
-        let pair = [self.piece(piece), self.piece(other)];
-        let time = pair_time(&pair[0], &pair[1], radii[0] + radii[1])?;
-        if time > end {
+        let pair = [
+            piece_of(&self.flights, &self.pieces, piece),
+            piece_of(&self.flights, &self.pieces, other),
+        ];
+        let contact = match self.state.bodies.uniform() {
+            Some(body) => 2.0 * body.radius,
+            None => self.radius(piece) + self.radius(other),
+        };
+        let time = pair_time(pair[0], pair[1], contact).filter(|&time| time <= end)?;
+        self.meeting_at(piece, other, time, cell, begin)
+    }
+
+    /// The rest of [`Self::meeting`], for the few that the prediction lets through.
+    #[inline(never)]
+    fn meeting_at(
+        &self,
+        piece: u32,
+        other: u32,
+        time: Time,
+        cell: usize,
+        begin: Time,
+    ) -> Option<Meeting> {
+        let balls = [self.ball(piece), self.ball(other)];
+        if balls[0] == balls[1]
+            || self.parents(piece).contains(&other)
+            || self.parents(other).contains(&piece)
+        {
             return None;
         }
         // Only the cell that holds the contact point counts the meeting: both are listed there.
-        let places = pair.map(|trajectory| trajectory.position_at(time));
+        let radii = [self.radius(piece), self.radius(other)];
+        let places = [piece, other].map(|piece| self.piece(piece).position_at(time));
         let contact = places[0] + (places[1] - places[0]) * (radii[0] / (radii[0] + radii[1]));
         (self.grid.cell_at(contact) == cell).then(|| Meeting {
             time: time.relative_to(begin.epoch),
             piece,
             other,
-            next: 0,
+            next: [NONE; 2],
             rank: (balls[0].min(balls[1]), balls[0].max(balls[1])),
         })
     }
@@ -424,11 +524,7 @@ impl Windowed {
         window: Window,
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
-        let whole = meeting.time as u64;
-        let time = Time {
-            epoch: window.begin.epoch + whole,
-            local: meeting.time - whole as f64,
-        };
+        let time = time_in(window, meeting.time);
         if meeting.other >= AT_WALL {
             self.hit_wall(meeting, time, report)
         } else {
@@ -464,7 +560,7 @@ impl Windowed {
             &[(ball as usize, self.last_contact(ball))],
             &mut self.counters,
         )?;
-        self.turn(owner, meeting.next, after);
+        self.turn(owner, meeting.next[0], after);
         report(&collision);
         Ok(())
     }
@@ -477,21 +573,19 @@ impl Windowed {
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
         let mut pieces = [meeting.piece, meeting.other];
-        let mut owners = pieces.map(|piece| self.owner(piece));
+        let mut next = meeting.next;
+        if self.ball(pieces[0]) > self.ball(pieces[1]) {
+            pieces.swap(0, 1);
+            next.swap(0, 1);
+        }
+        let owners = pieces.map(|piece| self.owner(piece));
         if (0..2).any(|one| self.present[owners[one] as usize] != pieces[one]) {
             self.counters.stale_events += 1;
             return Ok(());
         }
-        if self.balls[owners[0] as usize] > self.balls[owners[1] as usize] {
-            pieces.swap(0, 1);
-            owners.swap(0, 1);
-        }
-        self.counters.late_events += u64::from(time < self.state.now);
-        let now = if time > self.state.now {
-            time
-        } else {
-            self.state.now
-        };
+        let late = time < self.state.now;
+        self.counters.late_events += u64::from(late);
+        let now = if late { self.state.now } else { time };
         self.state.now = now;
         let balls = owners.map(|owner| self.balls[owner as usize]);
         let bodies = balls.map(|ball| self.state.bodies.of(ball as usize));
@@ -502,55 +596,46 @@ impl Windowed {
         self.instants
             .note(&collision, &watched, &mut self.counters)?;
         for one in [0, 1] {
-            let piece = self.add(after[one], owners[one]);
-            self.turn(owners[one], piece, after[one]);
-            self.pursue(piece, window);
+            if next[one] == NONE || late {
+                let piece = self.add(after[one], owners[one], pieces);
+                self.turn(owners[one], piece, after[one]);
+                self.pursue(piece, window);
+            } else {
+                self.turn(owners[one], next[one], after[one]);
+            }
         }
         report(&collision);
         Ok(())
     }
 
-    /// Tests a piece that has just begun, and those that follow its wall hits, against all that is listed where they pass.
+    /// Lists a piece that has just begun and those that follow its wall hits, and tests them against all that is listed where
+    /// they pass.
     fn pursue(&mut self, piece: u32, window: Window) {
-        let first_new = self.pieces.len();
-        let mut walls = Vec::new();
-        // Testing before listing: the pieces of one ball do not meet each other.
-        self.look(piece, window);
-        self.launch(piece, window.begin, window.end, &mut |_, meeting| {
-            walls.push(meeting)
-        });
-        self.follow_ups.extend(walls);
-        for next in first_new..self.pieces.len() {
-            self.look((self.flights.len() + next) as u32, window);
+        let mut passed = std::mem::take(&mut self.passed);
+        let mut found = std::mem::take(&mut self.found);
+        passed.clear();
+        found.clear();
+        self.launch(
+            piece,
+            window.begin,
+            window.end,
+            &mut passed,
+            &mut |meeting| found.push(meeting),
+        );
+        for &(piece, cell) in &passed {
+            self.look_in_cell(piece, cell as usize, window, &mut found);
         }
+        self.follow_ups.extend(&found);
+        (self.passed, self.found) = (passed, found);
     }
 
-    /// Finds the meetings of one piece with those listed where it passes.
-    fn look(&mut self, piece: u32, window: Window) {
-        let trajectory = self.piece(piece);
-        let radius = self
-            .state
-            .bodies
-            .of(self.balls[self.owner(piece) as usize] as usize)
-            .radius;
-        let from = if trajectory.begin > window.begin {
-            trajectory.begin
-        } else {
-            window.begin
-        };
-        let range = self.grid.reach(
-            trajectory.position_at(from),
-            trajectory.position_at(window.end),
-            radius,
-        );
-        let mut found = std::mem::take(&mut self.follow_ups);
-        range.for_each(|place| {
-            let cell = self.grid.cell(place);
-            for &other in self.grid.pieces(cell) {
+    /// Finds the meetings of one piece with those listed in a cell.
+    fn look_in_cell(&self, piece: u32, cell: usize, window: Window, found: &mut Vec<Meeting>) {
+        for &other in self.grid.pieces(cell) {
+            if other != piece {
                 found.extend(self.meeting(piece, other, cell, window.begin, window.end));
             }
-        });
-        self.follow_ups = found;
+        }
     }
 
     /// A ball goes on along another piece.
@@ -575,9 +660,10 @@ impl Windowed {
         self.window = None;
     }
 
-    fn add(&mut self, trajectory: Trajectory, owner: u32) -> u32 {
+    fn add(&mut self, trajectory: Trajectory, owner: u32, parents: [u32; 2]) -> u32 {
         self.pieces.push(trajectory);
         self.owners.push(owner);
+        self.parents.push(parents);
         (self.flights.len() + self.pieces.len() - 1) as u32
     }
 
@@ -594,10 +680,39 @@ impl Windowed {
             .map_or(piece, |new| self.owners[new])
     }
 
+    /// The ball that a piece belongs to.
+    #[inline]
+    fn ball(&self, piece: u32) -> u32 {
+        self.balls[self.owner(piece) as usize]
+    }
+
+    /// Radius of the ball that a piece belongs to.
+    #[inline]
+    fn radius(&self, piece: u32) -> f64 {
+        self.state.bodies.of(self.ball(piece) as usize).radius
+    }
+
+    /// The pieces whose meeting a piece began at, if it did.
+    #[inline]
+    fn parents(&self, piece: u32) -> [u32; 2] {
+        (piece as usize)
+            .checked_sub(self.flights.len())
+            .map_or([NONE; 2], |new| self.parents[new])
+    }
+
     /// When a ball's last collision was, if it had one.
     fn last_contact(&self, ball: u32) -> Option<Time> {
         let ball = ball as usize;
         (self.state.collisions[ball] > 0).then(|| self.state.trajectories[ball].begin)
+    }
+}
+
+/// The instant that lies `time` epochs after the beginning of the window's first epoch.
+fn time_in(window: Window, time: f64) -> Time {
+    let whole = time as u64;
+    Time {
+        epoch: window.begin.epoch + whole,
+        local: time - whole as f64,
     }
 }
 

@@ -365,31 +365,30 @@ impl Windowed {
         let mut hits = Vec::new();
         for cell in 0..self.grid.cell_count() {
             let center = self.grid.center(cell);
-            filter.begin(contact, extent);
+            filter.begin(contact, extent, self.grid.pieces(cell).len());
             for &piece in self.grid.pieces(cell) {
                 let trajectory = piece_of(&self.flights, &self.pieces, piece);
                 filter.push(trajectory.position_at(begin) - center, trajectory.velocity);
             }
             hits.clear();
-            for row in 1..filter.len() {
-                filter.for_each_before(row, |other| hits.push((row, other)));
-            }
+            filter.find(1, &mut hits);
             let mut next = 0;
             while let Some(&(row, other)) = hits.get(next) {
                 next += 1;
-                let pair = [row, other].map(|index| self.grid.pieces(cell)[index]);
+                let pair = [row, other].map(|index| self.grid.pieces(cell)[index as usize]);
                 let Some(mut meeting) = self.meeting(pair[0], pair[1], cell, begin, end) else {
                     continue;
                 };
                 if pair.iter().all(|&piece| (piece as usize) < expected) {
                     meeting.next = self.foresee(&meeting, cell, Window { begin, end });
                     // What follows in this cell joins its rows.
-                    for index in filter.len()..self.grid.pieces(cell).len() {
+                    let first = filter.len();
+                    for index in first..self.grid.pieces(cell).len() {
                         let trajectory =
                             piece_of(&self.flights, &self.pieces, self.grid.pieces(cell)[index]);
                         filter.push(trajectory.position_at(begin) - center, trajectory.velocity);
-                        filter.for_each_before(index, |other| hits.push((index, other)));
                     }
+                    filter.find(first, &mut hits);
                 }
                 self.meetings.push(meeting);
             }

@@ -29,7 +29,7 @@ use crate::engine::contact::{self, InstantWatch};
 use crate::engine::{Counters, Engine, Stuck};
 use crate::event::{Collision, Wall};
 use crate::state::{State, Time, Trajectory};
-use filter::Filter;
+use filter::{Filter, Start};
 use grid::Grid;
 
 /// Cell width in mean spacings of the balls; measured to be best, and flat around.
@@ -122,6 +122,8 @@ pub struct Windowed {
     /// at, which they cannot meet again.
     pieces: Vec<Trajectory>,
     owners: Vec<u32>,
+    /// The window's beginning of each flight and piece, for the filter.
+    starts: Vec<Start>,
     parents: Vec<[u32; 2]>,
     /// The cells of the pieces last listed.
     passed: Vec<(u32, u32)>,
@@ -192,6 +194,7 @@ impl Windowed {
             balls: Vec::new(),
             pieces: Vec::new(),
             owners: Vec::new(),
+            starts: Vec::new(),
             parents: Vec::new(),
             passed: Vec::new(),
             present: (0..count as u32).collect(),
@@ -263,7 +266,12 @@ impl Windowed {
         self.pieces.clear();
         self.owners.clear();
         self.parents.clear();
+        self.starts.clear();
         self.done = 0;
+        for flight in &self.flights {
+            self.starts
+                .push(Start::new(flight.position_at(begin), flight.velocity));
+        }
         let (mut meetings, mut passed) = (
             std::mem::take(&mut self.meetings),
             std::mem::take(&mut self.passed),
@@ -338,7 +346,7 @@ impl Windowed {
             });
             let Some((time, wall)) = hit else { return };
             let (after, _) = contact::wall(ball, trajectory, body, wall, room[wall.axis], time);
-            let next = self.add(after, owner, [NONE; 2]);
+            let next = self.add(after, owner, [NONE; 2], begin);
             let number = 2 * wall.axis as u32 + u32::from(wall.upper);
             let time = time.relative_to(begin.epoch);
             found(Meeting {
@@ -358,18 +366,14 @@ impl Windowed {
         let fastest = self.flights.iter().fold(0.0, |fastest: f64, flight| {
             fastest.max(flight.velocity.abs().max_element())
         });
-        // A piece may leave the cell by its path in the window, forwards or drawn back to its beginning.
-        let extent = self.grid.width().max_element() + contact + fastest * end.since(begin);
+        // A piece may be drawn back beyond the box, by its path in the window.
+        let extent = self.state.domain.half_size.max_element() + 4.0 * fastest * end.since(begin);
         let expected = self.flights.len() + self.pieces.len();
         let mut filter = std::mem::take(&mut self.filter);
+        filter.begin_window(contact, extent);
         let mut hits = Vec::new();
         for cell in 0..self.grid.cell_count() {
-            let center = self.grid.center(cell);
-            filter.begin(contact, extent, self.grid.pieces(cell).len());
-            for &piece in self.grid.pieces(cell) {
-                let trajectory = piece_of(&self.flights, &self.pieces, piece);
-                filter.push(trajectory.position_at(begin) - center, trajectory.velocity);
-            }
+            filter.begin_cell(self.grid.pieces(cell), &self.starts);
             hits.clear();
             filter.find(1, &mut hits);
             let mut next = 0;
@@ -383,10 +387,8 @@ impl Windowed {
                     meeting.next = self.foresee(&meeting, cell, Window { begin, end });
                     // What follows in this cell joins its rows.
                     let first = filter.len();
-                    for index in first..self.grid.pieces(cell).len() {
-                        let trajectory =
-                            piece_of(&self.flights, &self.pieces, self.grid.pieces(cell)[index]);
-                        filter.push(trajectory.position_at(begin) - center, trajectory.velocity);
+                    for &piece in &self.grid.pieces(cell)[first..] {
+                        filter.push(&self.starts[piece as usize]);
                     }
                     filter.find(first, &mut hits);
                 }
@@ -417,7 +419,7 @@ impl Windowed {
             time,
         );
         let mut next = [0, 1].map(|one| {
-            let piece = self.add(after[one], owners[one], pieces);
+            let piece = self.add(after[one], owners[one], pieces, window.begin);
             self.foresee_path(piece, cell, window);
             piece
         });
@@ -596,7 +598,7 @@ impl Windowed {
             .note(&collision, &watched, &mut self.counters)?;
         for one in [0, 1] {
             if next[one] == NONE || late {
-                let piece = self.add(after[one], owners[one], pieces);
+                let piece = self.add(after[one], owners[one], pieces, window.begin);
                 self.turn(owners[one], piece, after[one]);
                 self.pursue(piece, window);
             } else {
@@ -659,7 +661,11 @@ impl Windowed {
         self.window = None;
     }
 
-    fn add(&mut self, trajectory: Trajectory, owner: u32, parents: [u32; 2]) -> u32 {
+    fn add(&mut self, trajectory: Trajectory, owner: u32, parents: [u32; 2], begin: Time) -> u32 {
+        self.starts.push(Start::new(
+            trajectory.position_at(begin),
+            trajectory.velocity,
+        ));
         self.pieces.push(trajectory);
         self.owners.push(owner);
         self.parents.push(parents);

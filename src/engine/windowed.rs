@@ -114,6 +114,9 @@ pub struct Windowed {
     state: State,
     grid: Grid,
     filter: Filter,
+    /// Another filter, for cells looked at out of their turn, and what it lets through.
+    lookout: Filter,
+    hits: Vec<(u32, u32)>,
     /// The balls' flights at the beginning of the window, sorted: pieces `0..N`.
     flights: Vec<Trajectory>,
     /// The ball of each flight.
@@ -190,6 +193,8 @@ impl Windowed {
         let mut engine = Self {
             grid,
             filter: Filter::default(),
+            lookout: Filter::default(),
+            hits: Vec::new(),
             flights: Vec::new(),
             balls: Vec::new(),
             pieces: Vec::new(),
@@ -261,6 +266,7 @@ impl Windowed {
     }
 
     /// Lists every ball's path in the window, reflected at the walls.
+    #[inline(never)]
     fn list(&mut self, begin: Time, end: Time) {
         self.grid.clear();
         self.pieces.clear();
@@ -361,6 +367,7 @@ impl Windowed {
     }
 
     /// Finds the meetings of all listed pieces.
+    #[inline(never)]
     fn find(&mut self, begin: Time, end: Time) {
         let contact = 2.0 * self.state.bodies.largest_radius();
         let fastest = self.flights.iter().fold(0.0, |fastest: f64, flight| {
@@ -371,6 +378,7 @@ impl Windowed {
         let expected = self.flights.len() + self.pieces.len();
         let mut filter = std::mem::take(&mut self.filter);
         filter.begin_window(contact, extent);
+        self.lookout.begin_window(contact, extent);
         let mut hits = Vec::new();
         for cell in 0..self.grid.cell_count() {
             filter.begin_cell(self.grid.pieces(cell), &self.starts);
@@ -566,6 +574,7 @@ impl Windowed {
         Ok(())
     }
 
+    #[inline(never)]
     fn meet(
         &mut self,
         meeting: Meeting,
@@ -630,12 +639,19 @@ impl Windowed {
         (self.passed, self.found) = (passed, found);
     }
 
-    /// Finds the meetings of one piece with those listed in a cell.
-    fn look_in_cell(&self, piece: u32, cell: usize, window: Window, found: &mut Vec<Meeting>) {
-        for &other in self.grid.pieces(cell) {
-            if other != piece {
-                found.extend(self.meeting(piece, other, cell, window.begin, window.end));
-            }
+    /// Finds the meetings of a listed piece with those listed in a cell before it.
+    fn look_in_cell(&mut self, piece: u32, cell: usize, window: Window, found: &mut Vec<Meeting>) {
+        let listed = self.grid.pieces(cell);
+        let row = listed
+            .iter()
+            .rposition(|&other| other == piece)
+            .expect("the piece has just been listed here");
+        self.lookout.begin_cell(&listed[..=row], &self.starts);
+        self.hits.clear();
+        self.lookout.find(row, &mut self.hits);
+        for &(_, other) in &self.hits {
+            let other = self.grid.pieces(cell)[other as usize];
+            found.extend(self.meeting(piece, other, cell, window.begin, window.end));
         }
     }
 

@@ -65,6 +65,7 @@ impl Filter {
     }
 
     /// Begins a cell with these pieces.
+    #[inline(never)]
     pub fn begin_cell(&mut self, pieces: &[u32], starts: &[Start]) {
         self.length = pieces.len();
         self.make_room(self.length);

@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use glam::DVec3;
 
-use crate::state::{Time, Trajectory};
+use crate::state::Time;
 
 /// What happens to a ball next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -143,83 +143,6 @@ pub struct Collision {
     pub radial_jump: f64,
     /// Distance between the surfaces over the contact distance: negative for an overlap. Zero for walls and planes.
     pub gap: f64,
-}
-
-impl Collision {
-    /// A ball's collision with something that does not move: its velocity was `before`, and its flight is now `after`.
-    #[inline]
-    pub fn of_bounce(
-        participants: Participants,
-        mass: f64,
-        before: DVec3,
-        after: &Trajectory,
-    ) -> Self {
-        let impulse = (after.velocity - before) * mass;
-        let virial = after.position.dot(impulse);
-        Self {
-            time: after.begin,
-            participants,
-            impulse,
-            external: impulse,
-            virial,
-            radial_jump: virial,
-            gap: 0.0,
-        }
-    }
-
-    /// A collision of two balls, the lower index first, whose centres are `separation` apart and `contact` at contact: their
-    /// velocities were `before`, and their flights are now `after`.
-    #[inline]
-    pub fn of_pair(
-        pair: [u32; 2],
-        masses: [f64; 2],
-        before: [DVec3; 2],
-        after: &[Trajectory; 2],
-        separation: DVec3,
-        contact: f64,
-    ) -> Self {
-        let received = [0, 1].map(|one| {
-            // An obstacle keeps its place; what it receives leaves the gas.
-            if masses[one].is_finite() {
-                (after[one].velocity - before[one]) * masses[one]
-            } else {
-                DVec3::ZERO
-            }
-        });
-        let impulse = if masses[0].is_finite() {
-            received[0]
-        } else {
-            -received[1]
-        };
-        let all_move = masses[0].is_finite() && masses[1].is_finite();
-        Self {
-            time: after[0].begin,
-            participants: Participants::Pair(pair[0], pair[1]),
-            impulse,
-            external: if all_move {
-                DVec3::ZERO
-            } else {
-                received[0] + received[1]
-            },
-            virial: separation.dot(impulse),
-            radial_jump: after[0].position.dot(received[0]) + after[1].position.dot(received[1]),
-            gap: (separation.length() - contact) / contact,
-        }
-    }
-
-    /// A ball goes through a face of a periodic box, which changes `sum of m r . v` and nothing else.
-    #[inline]
-    pub fn of_face(time: Time, participants: Participants, radial_jump: f64) -> Self {
-        Self {
-            time,
-            participants,
-            impulse: DVec3::ZERO,
-            external: DVec3::ZERO,
-            virial: 0.0,
-            radial_jump,
-            gap: 0.0,
-        }
-    }
 }
 
 #[cfg(test)]

@@ -274,11 +274,15 @@ impl<C: Calendar> EventDriven<C> {
         let momentum = self.state.bodies.of(ball).mass * before.velocity[face.axis];
         self.state.trajectories[ball] = after;
         self.look_around(ball);
-        report(&Collision::of_face(
-            now,
-            Participants::Face(ball as u32, face),
-            momentum * (after.position[face.axis] - left_at),
-        ));
+        report(&Collision {
+            time: now,
+            participants: Participants::Face(ball as u32, face),
+            impulse: DVec3::ZERO,
+            external: DVec3::ZERO,
+            virial: 0.0,
+            radial_jump: momentum * (after.position[face.axis] - left_at),
+            gap: 0.0,
+        });
     }
 
     fn hit_wall(
@@ -326,9 +330,18 @@ impl<C: Calendar> EventDriven<C> {
         participants: Participants,
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
-        let before = self.state.trajectories[ball].velocity;
-        let mass = self.state.bodies.of(ball).mass;
-        let collision = Collision::of_bounce(participants, mass, before, &after);
+        let before = self.state.trajectories[ball];
+        let impulse = (after.velocity - before.velocity) * self.state.bodies.of(ball).mass;
+        let virial = after.position.dot(impulse);
+        let collision = Collision {
+            time: self.state.now,
+            participants,
+            impulse,
+            external: impulse,
+            virial,
+            radial_jump: virial,
+            gap: 0.0,
+        };
         self.note_instant(&collision, &[ball])?;
         self.state.trajectories[ball] = after;
         self.state.collisions[ball] += 1;
@@ -361,16 +374,38 @@ impl<C: Calendar> EventDriven<C> {
         let mut after = before.map(|trajectory| trajectory.synchronized(now));
         let separation = after[0].position - after[1].position + shift;
         let masses = bodies.map(|body| body.mass);
-        let velocities = before.map(|trajectory| trajectory.velocity);
-        [after[0].velocity, after[1].velocity] = collide(separation, velocities, masses);
-        let collision = Collision::of_pair(
-            pair.map(|ball| ball as u32),
-            masses,
-            velocities,
-            &after,
+        [after[0].velocity, after[1].velocity] = collide(
             separation,
-            contact,
+            before.map(|trajectory| trajectory.velocity),
+            masses,
         );
+        let received = [0, 1].map(|one| {
+            // An obstacle keeps its place; what it receives leaves the gas.
+            if masses[one].is_finite() {
+                (after[one].velocity - before[one].velocity) * masses[one]
+            } else {
+                DVec3::ZERO
+            }
+        });
+        let impulse = if masses[0].is_finite() {
+            received[0]
+        } else {
+            -received[1]
+        };
+        let all_move = masses[0].is_finite() && masses[1].is_finite();
+        let collision = Collision {
+            time: now,
+            participants: Participants::Pair(pair[0] as u32, pair[1] as u32),
+            impulse,
+            external: if all_move {
+                DVec3::ZERO
+            } else {
+                received[0] + received[1]
+            },
+            virial: separation.dot(impulse),
+            radial_jump: after[0].position.dot(received[0]) + after[1].position.dot(received[1]),
+            gap: (separation.length() - contact) / contact,
+        };
         self.counters.pair_collisions += 1;
         self.note_instant(&collision, &pair)?;
         for one in [0, 1] {

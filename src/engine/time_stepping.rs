@@ -16,11 +16,11 @@ mod near_pairs;
 
 use glam::DVec3;
 
-use crate::collision::{approach_time, collide, reflect};
+use crate::collision::approach_time;
 use crate::domain::Boundary;
 use crate::engine::time_stepping::clock::StepClock;
 use crate::engine::time_stepping::near_pairs::NearPairs;
-use crate::engine::{Counters, Engine, Stuck};
+use crate::engine::{Counters, Engine, Stuck, contact};
 use crate::event::{Collision, Participants, Wall};
 use crate::state::{State, Time, Trajectory};
 
@@ -183,42 +183,29 @@ impl TimeStepping {
                 turn
             };
             let Overlap { pair, index, .. } = self.overlaps[place];
-            let [first, second] = pair.map(|ball| ball as usize);
             let shift = near.image(index, &self.state).as_dvec3() * self.state.domain.period();
-            let separation = self.places[first] - self.places[second] + shift;
-            if self.meet(pair, separation, report) {
+            if self.meet(pair, shift, report) {
                 self.counters.double_bounces += u64::from(self.overlaps[place].collided);
                 self.overlaps[place].collided = true;
             }
         }
     }
 
-    /// Two balls that overlap collide, if they approach.
-    fn meet(
-        &mut self,
-        pair: [u32; 2],
-        separation: DVec3,
-        report: &mut dyn FnMut(&Collision),
-    ) -> bool {
+    /// Two balls that overlap collide, if they approach, the first moved by `shift` to the image that overlaps the second.
+    fn meet(&mut self, pair: [u32; 2], shift: DVec3, report: &mut dyn FnMut(&Collision)) -> bool {
         let balls = pair.map(|ball| ball as usize);
-        let before = balls.map(|ball| self.state.trajectories[ball].velocity);
+        let before = balls.map(|ball| self.state.trajectories[ball]);
+        let separation = self.places[balls[0]] - self.places[balls[1]] + shift;
         // Not so for two centres at one place, which have no direction to part in.
-        if !(separation.dot(before[0] - before[1]) < 0.0) {
+        if !(separation.dot(before[0].velocity - before[1].velocity) < 0.0) {
             return false;
         }
         let bodies = balls.map(|ball| self.state.bodies.of(ball));
-        let masses = bodies.map(|body| body.mass);
-        let velocities = collide(separation, before, masses);
-        let after = [0, 1].map(|one| self.flight_from_here(balls[one], velocities[one]));
-        let contact = bodies[0].radius + bodies[1].radius;
-        let collision = Collision::of_pair(pair, masses, before, &after, separation, contact);
+        let (after, collision) = contact::pair(pair, before, bodies, shift, self.state.now);
         self.counters.pair_collisions += 1;
         self.note_instant(&balls);
-        for one in [0, 1] {
-            if masses[one].is_finite() {
-                self.change_course(balls[one], after[one]);
-            }
-            self.state.collisions[balls[one]] += 1;
+        for (ball, after) in balls.into_iter().zip(after) {
+            self.change_course(ball, after);
         }
         report(&collision);
         true
@@ -257,50 +244,48 @@ impl TimeStepping {
     }
 
     fn hit_wall(&mut self, ball: usize, axis: usize, report: &mut dyn FnMut(&Collision)) {
-        let mut velocity = self.state.trajectories[ball].velocity;
+        let flight = self.state.trajectories[ball];
         let body = self.state.bodies.of(ball);
-        let upper = velocity[axis] > 0.0;
+        let speed = flight.velocity[axis];
+        let upper = speed > 0.0;
         let outwards = if upper { 1.0 } else { -1.0 };
-        let limit = self.state.domain.half_size[axis] - body.radius;
-        if velocity[axis] == 0.0 || outwards * self.places[ball][axis] < limit {
+        let reached = outwards * self.places[ball][axis];
+        if speed == 0.0 || reached < self.state.domain.half_size[axis] - body.radius {
             return;
         }
-        velocity[axis] = -velocity[axis];
         self.counters.wall_collisions += 1;
-        let participants = Participants::Wall(ball as u32, Wall { axis, upper });
-        self.bounce(ball, velocity, participants, report);
+        let wall = Wall { axis, upper };
+        // It turns back where it is, not where the wall is.
+        let bounce = contact::wall(ball as u32, flight, body, wall, reached, self.state.now);
+        self.bounce(ball, bounce, report);
     }
 
     fn hit_plane(&mut self, ball: usize, index: usize, report: &mut dyn FnMut(&Collision)) {
         let plane = &self.state.domain.planes[index];
         let upper = self.state.sides[ball * self.state.domain.planes.len() + index];
         let side = if upper { 1.0 } else { -1.0 };
-        let velocity = self.state.trajectories[ball].velocity;
-        let gap = side * plane.distance(self.places[ball]) - self.state.bodies.of(ball).radius;
-        if gap > 0.0 || side * plane.normal.dot(velocity) >= 0.0 {
+        let flight = self.state.trajectories[ball];
+        let body = self.state.bodies.of(ball);
+        let gap = side * plane.distance(self.places[ball]) - body.radius;
+        if gap > 0.0 || side * plane.normal.dot(flight.velocity) >= 0.0 {
             return;
         }
-        let velocity = reflect(velocity, plane, upper);
         self.counters.plane_collisions += 1;
-        let participants = Participants::Plane(ball as u32, index as u32);
-        self.bounce(ball, velocity, participants, report);
+        let met = (index as u32, plane, upper);
+        let bounce = contact::plane(ball as u32, flight, body, met, self.state.now);
+        self.bounce(ball, bounce, report);
     }
 
     /// A ball goes on after meeting something that does not move.
     fn bounce(
         &mut self,
         ball: usize,
-        velocity: DVec3,
-        participants: Participants,
+        (after, collision): (Trajectory, Collision),
         report: &mut dyn FnMut(&Collision),
     ) {
-        let before = self.state.trajectories[ball].velocity;
-        let after = self.flight_from_here(ball, velocity);
-        let mass = self.state.bodies.of(ball).mass;
         self.note_instant(&[ball]);
         self.change_course(ball, after);
-        self.state.collisions[ball] += 1;
-        report(&Collision::of_bounce(participants, mass, before, &after));
+        report(&collision);
     }
 
     /// A ball whose centre has left the periodic box comes in at the opposite face.
@@ -317,35 +302,35 @@ impl TimeStepping {
             if boxes == 0.0 {
                 continue;
             }
-            let velocity = self.state.trajectories[ball].velocity;
             self.places[ball][axis] = left_at - boxes * edge;
             self.state.images[ball][axis] += boxes as i32;
-            self.state.trajectories[ball] = self.flight_from_here(ball, velocity);
+            let velocity = self.state.trajectories[ball].velocity;
+            self.state.trajectories[ball] = Trajectory {
+                position: self.places[ball],
+                velocity,
+                begin: self.state.now,
+            };
             let face = Wall {
                 axis,
                 upper: boxes > 0.0,
             };
             let momentum = self.state.bodies.of(ball).mass * velocity[axis];
-            let moved = self.places[ball][axis] - left_at;
-            report(&Collision::of_face(
-                self.state.now,
-                Participants::Face(ball as u32, face),
-                momentum * moved,
-            ));
-        }
-    }
-
-    fn flight_from_here(&self, ball: usize, velocity: DVec3) -> Trajectory {
-        Trajectory {
-            position: self.places[ball],
-            velocity,
-            begin: self.state.now,
+            report(&Collision {
+                time: self.state.now,
+                participants: Participants::Face(ball as u32, face),
+                impulse: DVec3::ZERO,
+                external: DVec3::ZERO,
+                virial: 0.0,
+                radial_jump: momentum * (self.places[ball][axis] - left_at),
+                gap: 0.0,
+            });
         }
     }
 
     fn change_course(&mut self, ball: usize, flight: Trajectory) {
         self.fastest = self.fastest.max(flight.velocity.length());
         self.state.trajectories[ball] = flight;
+        self.state.collisions[ball] += 1;
     }
 
     /// Counts collisions at one instant.

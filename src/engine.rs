@@ -3,8 +3,10 @@
 use crate::event::{Collision, Participants};
 use crate::state::{State, Time};
 
+pub mod contact;
 pub mod event_driven;
 pub mod time_stepping;
+pub mod windowed;
 
 /// What moves a gas forward in time: a function of its state, which alone decides what comes next.
 pub trait Engine: Send {

@@ -16,17 +16,15 @@ use glam::DVec3;
 
 use crate::calendar::{Calendar, Indexed};
 use crate::cell_list::{Cell, CellList, Company};
-use crate::collision::{collide, image_pair_time, pair_time, plane_time, reflect, wall_time};
+use crate::collision::{image_pair_time, pair_time, plane_time, wall_time};
 use crate::domain::Boundary;
+use crate::engine::contact::{self, InstantWatch};
 use crate::engine::{Counters, Engine, Stuck};
-use crate::event::{Collision, Event, EventKind, Participants, Wall};
+use crate::event::{Collision, Event, EventKind, Wall};
 use crate::state::{State, Time, Trajectory};
 
 /// Epochs after which the calendar's base moves on. Times up to 16 epochs from the base are exact in the calendar.
 const REBASE_AFTER: f64 = 4.0;
-
-/// Collisions of one ball at one instant before the engine gives up.
-const MOST_REPEATS: u32 = 10_000;
 
 /// Cell width in mean spacings of the balls; measured to be best, and flat around, for the dilute gas.
 const SPACINGS_PER_CELL: f64 = 1.5;
@@ -84,9 +82,7 @@ pub struct EventDriven<C: Calendar = Indexed> {
     /// The epoch from which the calendar counts.
     base: u64,
     candidates: Vec<Candidate>,
-    /// How often each ball has collided at the instant of its last collision before this one.
-    repeats: Vec<u16>,
-    last_collision: Option<Time>,
+    instants: InstantWatch,
     counters: Counters,
 }
 
@@ -120,8 +116,7 @@ impl<C: Calendar> EventDriven<C> {
             calendar: C::new(count),
             base: 0,
             candidates: Vec::new(),
-            repeats: vec![0; count],
-            last_collision: None,
+            instants: InstantWatch::new(count),
             counters: Counters::default(),
             interacting,
             state,
@@ -264,25 +259,20 @@ impl<C: Calendar> EventDriven<C> {
 
     /// A ball's centre leaves the periodic box and enters at the opposite face.
     fn leave_box(&mut self, ball: usize, face: Wall, report: &mut dyn FnMut(&Collision)) {
-        let now = self.state.now;
         let half_size = self.state.domain.half_size[face.axis];
         let before = self.state.trajectories[ball];
-        let mut after = before.synchronized(now);
-        let left_at = after.position[face.axis];
-        after.position[face.axis] = if face.upper { -half_size } else { half_size };
+        let (after, passage) = contact::face(
+            ball as u32,
+            before,
+            self.state.bodies.of(ball),
+            face,
+            half_size,
+            self.state.now,
+        );
         self.state.images[ball][face.axis] += if face.upper { 1 } else { -1 };
-        let momentum = self.state.bodies.of(ball).mass * before.velocity[face.axis];
         self.state.trajectories[ball] = after;
         self.look_around(ball);
-        report(&Collision {
-            time: now,
-            participants: Participants::Face(ball as u32, face),
-            impulse: DVec3::ZERO,
-            external: DVec3::ZERO,
-            virial: 0.0,
-            radial_jump: momentum * (after.position[face.axis] - left_at),
-            gap: 0.0,
-        });
+        report(&passage);
     }
 
     fn hit_wall(
@@ -291,63 +281,65 @@ impl<C: Calendar> EventDriven<C> {
         wall: Wall,
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
-        let mut after = self.state.trajectories[ball].synchronized(self.state.now);
-        let limit = self.state.domain.half_size[wall.axis] - self.state.bodies.of(ball).radius;
-        // The wall's coordinate itself, and a velocity with the inward sign: a repeated event cannot throw the ball out.
-        after.position[wall.axis] = if wall.upper { limit } else { -limit };
-        let speed = after.velocity[wall.axis].abs();
-        after.velocity[wall.axis] = if wall.upper { -speed } else { speed };
+        let body = self.state.bodies.of(ball);
+        let limit = self.state.domain.half_size[wall.axis] - body.radius;
+        let contact = contact::wall(
+            ball as u32,
+            self.state.trajectories[ball],
+            body,
+            wall,
+            limit,
+            self.state.now,
+        );
         self.counters.wall_collisions += 1;
-        self.bounce(ball, after, Participants::Wall(ball as u32, wall), report)
+        self.bounce(ball, contact, report)
     }
 
     fn hit_plane(
         &mut self,
         ball: usize,
-        plane: usize,
+        index: usize,
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
-        let mut after = self.state.trajectories[ball].synchronized(self.state.now);
-        after.velocity = reflect(
-            after.velocity,
-            &self.state.domain.planes[plane],
-            self.is_above(ball, plane),
+        let plane = (
+            index as u32,
+            &self.state.domain.planes[index],
+            self.is_above(ball, index),
+        );
+        let body = self.state.bodies.of(ball);
+        let contact = contact::plane(
+            ball as u32,
+            self.state.trajectories[ball],
+            body,
+            plane,
+            self.state.now,
         );
         self.counters.plane_collisions += 1;
-        self.bounce(
-            ball,
-            after,
-            Participants::Plane(ball as u32, plane as u32),
-            report,
-        )
+        self.bounce(ball, contact, report)
     }
 
     /// A ball goes on after meeting something that does not move.
     fn bounce(
         &mut self,
         ball: usize,
-        after: Trajectory,
-        participants: Participants,
+        (after, collision): (Trajectory, Collision),
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
-        let before = self.state.trajectories[ball];
-        let impulse = (after.velocity - before.velocity) * self.state.bodies.of(ball).mass;
-        let virial = after.position.dot(impulse);
-        let collision = Collision {
-            time: self.state.now,
-            participants,
-            impulse,
-            external: impulse,
-            virial,
-            radial_jump: virial,
-            gap: 0.0,
-        };
-        self.note_instant(&collision, &[ball])?;
+        self.instants.note(
+            &collision,
+            &[(ball, self.last_contact(ball))],
+            &mut self.counters,
+        )?;
         self.state.trajectories[ball] = after;
         self.state.collisions[ball] += 1;
         self.look_around(ball);
         report(&collision);
         Ok(())
+    }
+
+    /// When a ball's last collision was, if it had one.
+    fn last_contact(&self, ball: usize) -> Option<Time> {
+        (self.state.collisions[ball] > 0).then(|| self.state.trajectories[ball].begin)
     }
 
     /// The pair collision that `ball` knows of is due; it happens if it still holds.
@@ -364,80 +356,25 @@ impl<C: Calendar> EventDriven<C> {
         let shift = if ball == pair[0] { shift } else { -shift };
         let before = pair.map(|ball| self.state.trajectories[ball]);
         let bodies = pair.map(|ball| self.state.bodies.of(ball));
-        let contact = bodies[0].radius + bodies[1].radius;
-        if image_pair_time(&before[0], &before[1], contact, shift) != Some(planned.time) {
+        let distance = bodies[0].radius + bodies[1].radius;
+        if image_pair_time(&before[0], &before[1], distance, shift) != Some(planned.time) {
             self.counters.stale_events += 1;
             self.look_again(ball);
             return Ok(());
         }
         self.counters.late_events += u64::from(planned.time < now);
-        let mut after = before.map(|trajectory| trajectory.synchronized(now));
-        let separation = after[0].position - after[1].position + shift;
-        let masses = bodies.map(|body| body.mass);
-        [after[0].velocity, after[1].velocity] = collide(
-            separation,
-            before.map(|trajectory| trajectory.velocity),
-            masses,
-        );
-        let received = [0, 1].map(|one| {
-            // An obstacle keeps its place; what it receives leaves the gas.
-            if masses[one].is_finite() {
-                (after[one].velocity - before[one].velocity) * masses[one]
-            } else {
-                DVec3::ZERO
-            }
-        });
-        let impulse = if masses[0].is_finite() {
-            received[0]
-        } else {
-            -received[1]
-        };
-        let all_move = masses[0].is_finite() && masses[1].is_finite();
-        let collision = Collision {
-            time: now,
-            participants: Participants::Pair(pair[0] as u32, pair[1] as u32),
-            impulse,
-            external: if all_move {
-                DVec3::ZERO
-            } else {
-                received[0] + received[1]
-            },
-            virial: separation.dot(impulse),
-            radial_jump: after[0].position.dot(received[0]) + after[1].position.dot(received[1]),
-            gap: (separation.length() - contact) / contact,
-        };
         self.counters.pair_collisions += 1;
-        self.note_instant(&collision, &pair)?;
-        for one in [0, 1] {
-            if masses[one].is_finite() {
-                self.state.trajectories[pair[one]] = after[one];
-            }
-            self.state.collisions[pair[one]] += 1;
+        let (after, collision) =
+            contact::pair(pair.map(|ball| ball as u32), before, bodies, shift, now);
+        let balls = pair.map(|ball| (ball, self.last_contact(ball)));
+        self.instants.note(&collision, &balls, &mut self.counters)?;
+        for (ball, after) in pair.into_iter().zip(after) {
+            self.state.trajectories[ball] = after;
+            self.state.collisions[ball] += 1;
         }
         self.look_around(pair[0]);
         self.look_around(pair[1]);
         report(&collision);
-        Ok(())
-    }
-
-    /// Counts collisions at one instant, and stops a ball that collides there without end.
-    fn note_instant(&mut self, collision: &Collision, balls: &[usize]) -> Result<(), Stuck> {
-        self.counters.ties += u64::from(self.last_collision == Some(collision.time));
-        self.last_collision = Some(collision.time);
-        for &ball in balls {
-            let again = self.state.trajectories[ball].begin == collision.time
-                && self.state.collisions[ball] > 0;
-            self.repeats[ball] = if again { self.repeats[ball] + 1 } else { 0 };
-            self.counters.zero_time_events += u64::from(again);
-            let repeats = u32::from(self.repeats[ball]);
-            if repeats >= MOST_REPEATS {
-                return Err(Stuck {
-                    time: collision.time,
-                    participants: collision.participants,
-                    repeats,
-                });
-            }
-        }
         Ok(())
     }
 
@@ -516,8 +453,7 @@ impl<C: Calendar> Engine for EventDriven<C> {
 
     fn reverse(&mut self) {
         self.state.reverse();
-        self.last_collision = None;
-        self.repeats.fill(0);
+        self.instants.clear();
         self.calendar = C::new(self.state.ball_count());
         self.predict_everything();
     }

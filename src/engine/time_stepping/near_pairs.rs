@@ -22,7 +22,7 @@ const USUAL_SPACINGS: f64 = 0.8;
 const WIDEST: f64 = 2.5;
 
 /// Cell width over the usual largest distance.
-const REACHES_PER_CELL: f64 = 1.75;
+const REACHES_PER_CELL: f64 = 2.5;
 
 /// Share of the skin that is kept for rounding.
 const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
@@ -120,25 +120,34 @@ impl NearPairs {
         self.offsets.clear();
         let period = state.domain.period();
         let periodic = state.domain.boundary == Boundary::Periodic;
+        let uniform = state.bodies.uniform().map(|body| 2.0 * body.radius);
         for first in 0..places.len() {
+            let (place, first_radius) = (places[first], radius(first));
+            let reach =
+                |other: usize| uniform.unwrap_or_else(|| first_radius + radius(other)) + skin;
             self.found.clear();
             self.cells.for_each_company(first, |company| {
-                for &second in company.balls {
-                    let other = second as usize;
-                    if other <= first {
-                        continue;
-                    }
-                    let reach = radius(first) + radius(other) + skin;
-                    let apart = places[first] - places[other];
-                    if let Some(cell) = company.at_face {
-                        for image in self.cells.images(cell, second) {
-                            let apart = apart + image.as_dvec3() * period;
-                            if apart.length_squared() <= reach * reach {
-                                self.found.push((second, image.to_array()));
-                            }
+                let others = company
+                    .balls
+                    .iter()
+                    .filter(|&&second| second as usize > first);
+                let Some(cell) = company.at_face else {
+                    for &second in others {
+                        let (apart, reach) =
+                            (place - places[second as usize], reach(second as usize));
+                        if apart.length_squared() <= reach * reach {
+                            self.found.push((second, [0; 3]));
                         }
-                    } else if apart.length_squared() <= reach * reach {
-                        self.found.push((second, [0; 3]));
+                    }
+                    return;
+                };
+                for &second in others {
+                    let reach = reach(second as usize);
+                    for image in self.cells.images(cell, second) {
+                        let apart = place - places[second as usize] + image.as_dvec3() * period;
+                        if apart.length_squared() <= reach * reach {
+                            self.found.push((second, image.to_array()));
+                        }
                     }
                 }
             });

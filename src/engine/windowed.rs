@@ -29,7 +29,7 @@ use crate::engine::contact::{self, InstantWatch};
 use crate::engine::{Counters, Engine, Stuck};
 use crate::event::{Collision, Wall};
 use crate::state::{State, Time, Trajectory};
-use filter::Filter;
+use filter::{Filter, Start};
 use grid::Grid;
 
 /// Cell width in mean spacings of the balls; measured to be best, and flat around.
@@ -114,6 +114,9 @@ pub struct Windowed {
     state: State,
     grid: Grid,
     filter: Filter,
+    /// Another filter, for cells looked at out of their turn, and what it lets through.
+    lookout: Filter,
+    hits: Vec<(u32, u32)>,
     /// The balls' flights at the beginning of the window, sorted: pieces `0..N`.
     flights: Vec<Trajectory>,
     /// The ball of each flight.
@@ -122,6 +125,8 @@ pub struct Windowed {
     /// at, which they cannot meet again.
     pieces: Vec<Trajectory>,
     owners: Vec<u32>,
+    /// The window's beginning of each flight and piece, for the filter.
+    starts: Vec<Start>,
     parents: Vec<[u32; 2]>,
     /// The cells of the pieces last listed.
     passed: Vec<(u32, u32)>,
@@ -188,10 +193,13 @@ impl Windowed {
         let mut engine = Self {
             grid,
             filter: Filter::default(),
+            lookout: Filter::default(),
+            hits: Vec::new(),
             flights: Vec::new(),
             balls: Vec::new(),
             pieces: Vec::new(),
             owners: Vec::new(),
+            starts: Vec::new(),
             parents: Vec::new(),
             passed: Vec::new(),
             present: (0..count as u32).collect(),
@@ -258,12 +266,18 @@ impl Windowed {
     }
 
     /// Lists every ball's path in the window, reflected at the walls.
+    #[inline(never)]
     fn list(&mut self, begin: Time, end: Time) {
         self.grid.clear();
         self.pieces.clear();
         self.owners.clear();
         self.parents.clear();
+        self.starts.clear();
         self.done = 0;
+        for flight in &self.flights {
+            self.starts
+                .push(Start::new(flight.position_at(begin), flight.velocity));
+        }
         let (mut meetings, mut passed) = (
             std::mem::take(&mut self.meetings),
             std::mem::take(&mut self.passed),
@@ -338,7 +352,7 @@ impl Windowed {
             });
             let Some((time, wall)) = hit else { return };
             let (after, _) = contact::wall(ball, trajectory, body, wall, room[wall.axis], time);
-            let next = self.add(after, owner, [NONE; 2]);
+            let next = self.add(after, owner, [NONE; 2], begin);
             let number = 2 * wall.axis as u32 + u32::from(wall.upper);
             let time = time.relative_to(begin.epoch);
             found(Meeting {
@@ -353,23 +367,21 @@ impl Windowed {
     }
 
     /// Finds the meetings of all listed pieces.
+    #[inline(never)]
     fn find(&mut self, begin: Time, end: Time) {
         let contact = 2.0 * self.state.bodies.largest_radius();
         let fastest = self.flights.iter().fold(0.0, |fastest: f64, flight| {
             fastest.max(flight.velocity.abs().max_element())
         });
-        // A piece may leave the cell by its path in the window, forwards or drawn back to its beginning.
-        let extent = self.grid.width().max_element() + contact + fastest * end.since(begin);
+        // A piece may be drawn back beyond the box, by its path in the window.
+        let extent = self.state.domain.half_size.max_element() + 4.0 * fastest * end.since(begin);
         let expected = self.flights.len() + self.pieces.len();
         let mut filter = std::mem::take(&mut self.filter);
+        filter.begin_window(contact, extent);
+        self.lookout.begin_window(contact, extent);
         let mut hits = Vec::new();
         for cell in 0..self.grid.cell_count() {
-            let center = self.grid.center(cell);
-            filter.begin(contact, extent, self.grid.pieces(cell).len());
-            for &piece in self.grid.pieces(cell) {
-                let trajectory = piece_of(&self.flights, &self.pieces, piece);
-                filter.push(trajectory.position_at(begin) - center, trajectory.velocity);
-            }
+            filter.begin_cell(self.grid.pieces(cell), &self.starts);
             hits.clear();
             filter.find(1, &mut hits);
             let mut next = 0;
@@ -383,10 +395,8 @@ impl Windowed {
                     meeting.next = self.foresee(&meeting, cell, Window { begin, end });
                     // What follows in this cell joins its rows.
                     let first = filter.len();
-                    for index in first..self.grid.pieces(cell).len() {
-                        let trajectory =
-                            piece_of(&self.flights, &self.pieces, self.grid.pieces(cell)[index]);
-                        filter.push(trajectory.position_at(begin) - center, trajectory.velocity);
+                    for &piece in &self.grid.pieces(cell)[first..] {
+                        filter.push(&self.starts[piece as usize]);
                     }
                     filter.find(first, &mut hits);
                 }
@@ -417,7 +427,7 @@ impl Windowed {
             time,
         );
         let mut next = [0, 1].map(|one| {
-            let piece = self.add(after[one], owners[one], pieces);
+            let piece = self.add(after[one], owners[one], pieces, window.begin);
             self.foresee_path(piece, cell, window);
             piece
         });
@@ -564,6 +574,7 @@ impl Windowed {
         Ok(())
     }
 
+    #[inline(never)]
     fn meet(
         &mut self,
         meeting: Meeting,
@@ -596,7 +607,7 @@ impl Windowed {
             .note(&collision, &watched, &mut self.counters)?;
         for one in [0, 1] {
             if next[one] == NONE || late {
-                let piece = self.add(after[one], owners[one], pieces);
+                let piece = self.add(after[one], owners[one], pieces, window.begin);
                 self.turn(owners[one], piece, after[one]);
                 self.pursue(piece, window);
             } else {
@@ -628,12 +639,19 @@ impl Windowed {
         (self.passed, self.found) = (passed, found);
     }
 
-    /// Finds the meetings of one piece with those listed in a cell.
-    fn look_in_cell(&self, piece: u32, cell: usize, window: Window, found: &mut Vec<Meeting>) {
-        for &other in self.grid.pieces(cell) {
-            if other != piece {
-                found.extend(self.meeting(piece, other, cell, window.begin, window.end));
-            }
+    /// Finds the meetings of a listed piece with those listed in a cell before it.
+    fn look_in_cell(&mut self, piece: u32, cell: usize, window: Window, found: &mut Vec<Meeting>) {
+        let listed = self.grid.pieces(cell);
+        let row = listed
+            .iter()
+            .rposition(|&other| other == piece)
+            .expect("the piece has just been listed here");
+        self.lookout.begin_cell(&listed[..=row], &self.starts);
+        self.hits.clear();
+        self.lookout.find(row, &mut self.hits);
+        for &(_, other) in &self.hits {
+            let other = self.grid.pieces(cell)[other as usize];
+            found.extend(self.meeting(piece, other, cell, window.begin, window.end));
         }
     }
 
@@ -659,7 +677,11 @@ impl Windowed {
         self.window = None;
     }
 
-    fn add(&mut self, trajectory: Trajectory, owner: u32, parents: [u32; 2]) -> u32 {
+    fn add(&mut self, trajectory: Trajectory, owner: u32, parents: [u32; 2], begin: Time) -> u32 {
+        self.starts.push(Start::new(
+            trajectory.position_at(begin),
+            trajectory.velocity,
+        ));
         self.pieces.push(trajectory);
         self.owners.push(owner);
         self.parents.push(parents);

@@ -20,6 +20,21 @@ const GRAZING: f32 = 1e-8;
 /// Share of the largest coordinate by which positions are off, with a margin.
 const POSITION_ROUNDING: f64 = 1e-6;
 
+/// Where a piece is at the beginning of the window, if need be drawn back to it, and its velocity; in f32.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
+pub struct Start([f32; 8]);
+
+impl Start {
+    /// From a position at the beginning of the window.
+    #[inline]
+    pub fn new(position: DVec3, velocity: DVec3) -> Self {
+        let [x, y, z] = position.as_vec3().to_array();
+        let [u, v, w] = velocity.as_vec3().to_array();
+        Self([x, y, z, u, v, w, 0.0, 0.0])
+    }
+}
+
 /// The pieces of a cell, as columns.
 #[derive(Clone, Debug)]
 pub struct Filter {
@@ -43,13 +58,32 @@ impl Default for Filter {
 }
 
 impl Filter {
-    /// Begins a cell of `count` pieces: `contact` is the largest contact distance, `extent` bounds the coordinates of all pieces
-    /// relative to the middle of the cell.
-    pub fn begin(&mut self, contact: f64, extent: f64, count: usize) {
-        self.length = 0;
-        self.make_room(count);
+    /// Begins a window: `contact` is the largest contact distance, `extent` bounds the coordinates of all pieces.
+    pub fn begin_window(&mut self, contact: f64, extent: f64) {
         let contact = (contact + POSITION_ROUNDING * extent) as f32;
         self.contact_squared = contact * contact;
+    }
+
+    /// Begins a cell with these pieces.
+    #[inline(never)]
+    pub fn begin_cell(&mut self, pieces: &[u32], starts: &[Start]) {
+        self.length = pieces.len();
+        self.make_room(self.length);
+        let [x, y, z, u, v, w] = self
+            .columns
+            .each_mut()
+            .map(|column| &mut column[..pieces.len()]);
+        for (index, &piece) in pieces.iter().enumerate() {
+            [
+                x[index],
+                y[index],
+                z[index],
+                u[index],
+                v[index],
+                w[index],
+                ..,
+            ] = starts[piece as usize].0;
+        }
     }
 
     fn make_room(&mut self, count: usize) {
@@ -60,15 +94,12 @@ impl Filter {
         }
     }
 
-    /// Adds a piece by its position at the beginning of the window, relative to the middle of the cell, and its velocity.
+    /// Adds a piece.
     #[inline]
-    pub fn push(&mut self, position: DVec3, velocity: DVec3) {
+    pub fn push(&mut self, piece: &Start) {
         self.make_room(self.length + 1);
-        let values = [
-            position.x, position.y, position.z, velocity.x, velocity.y, velocity.z,
-        ];
-        for (column, value) in self.columns.iter_mut().zip(values) {
-            column[self.length] = value as f32;
+        for (column, &value) in self.columns.iter_mut().zip(&piece.0) {
+            column[self.length] = value;
         }
         self.length += 1;
     }
@@ -105,68 +136,86 @@ impl WithSimd for Find<'_> {
             contact_squared,
             ..
         } = self.filter;
-        let [x, y, z, u, v, w] = columns.each_ref().map(|column| S::as_simd_f32s(column).0);
+        let [x, y, z, u, v, w] = columns;
+        let wide = [
+            S::as_simd_f32s(x).0,
+            S::as_simd_f32s(y).0,
+            S::as_simd_f32s(z).0,
+            S::as_simd_f32s(u).0,
+            S::as_simd_f32s(v).0,
+            S::as_simd_f32s(w).0,
+        ];
         let lanes = size_of::<S::f32s>() / size_of::<f32>();
-        let dot = |a: [S::f32s; 3], b: [S::f32s; 3]| {
-            simd.mul_add_e_f32s(
-                a[2],
-                b[2],
-                simd.mul_add_e_f32s(a[1], b[1], simd.mul_f32s(a[0], b[0])),
-            )
-        };
         let minus_contact_squared = simd.splat_f32s(-contact_squared);
-        let (shrunk, grazing) = (simd.splat_f32s(1.0 - ROUNDING), simd.splat_f32s(-GRAZING));
-        let nothing = simd.splat_f32s(0.0);
         for row in self.first..*length {
-            let own = columns
-                .each_ref()
-                .map(|column| simd.splat_f32s(column[row]));
-            let mut most = nothing;
-            for chunk in 0..row.div_ceil(lanes) {
-                let r = [
-                    simd.sub_f32s(x[chunk], own[0]),
-                    simd.sub_f32s(y[chunk], own[1]),
-                    simd.sub_f32s(z[chunk], own[2]),
-                ];
-                let v = [
-                    simd.sub_f32s(u[chunk], own[3]),
-                    simd.sub_f32s(v[chunk], own[4]),
-                    simd.sub_f32s(w[chunk], own[5]),
-                ];
-                let radial = dot(r, v);
-                let approach = simd.neg_f32s(simd.mul_f32s(radial, simd.abs_f32s(radial)));
-                let distance_squared = dot(r, r);
-                let beyond = simd.max_f32s(
-                    simd.mul_add_e_f32s(distance_squared, shrunk, minus_contact_squared),
-                    simd.mul_f32s(distance_squared, grazing),
-                );
-                let excess = simd.sub_f32s(approach, simd.mul_f32s(dot(v, v), beyond));
-                most = simd.max_f32s(most, excess);
+            let own = [
+                simd.splat_f32s(x[row]),
+                simd.splat_f32s(y[row]),
+                simd.splat_f32s(z[row]),
+                simd.splat_f32s(u[row]),
+                simd.splat_f32s(v[row]),
+                simd.splat_f32s(w[row]),
+            ];
+            let chunks = row.div_ceil(lanes);
+            let mut most = simd.splat_f32s(0.0);
+            for chunk in 0..chunks {
+                most = simd.max_f32s(most, excess(simd, wide, chunk, own, minus_contact_squared));
             }
-            // Rows with a hit are rare; which piece it was is found one by one.
+            // Rows with a hit are rare; which piece it was is found in a second pass.
             if simd.reduce_max_f32s(most) > 0.0 {
-                self.filter.look_through(row, self.hits);
+                for chunk in 0..chunks {
+                    let excess = [excess(simd, wide, chunk, own, minus_contact_squared)];
+                    let excess = pulp::bytemuck::cast_slice::<S::f32s, f32>(&excess);
+                    for (lane, &excess) in excess.iter().enumerate() {
+                        let other = chunk * lanes + lane;
+                        if excess > 0.0 && other < row {
+                            self.hits.push((row as u32, other as u32));
+                        }
+                    }
+                }
             }
         }
     }
 }
 
-impl Filter {
-    /// Appends a row's hits.
-    #[inline(never)]
-    fn look_through(&self, row: usize, hits: &mut Vec<(u32, u32)>) {
-        let own: [f32; 6] = std::array::from_fn(|column| self.columns[column][row]);
-        for other in 0..row {
-            let between: [f32; 6] =
-                std::array::from_fn(|column| self.columns[column][other] - own[column]);
-            let (r, v) = between.split_at(3);
-            let dot = |a: &[f32], b: &[f32]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-            let (radial, distance_squared) = (dot(r, v), dot(r, r));
-            let beyond = (distance_squared * (1.0 - ROUNDING) - self.contact_squared)
-                .max(distance_squared * -GRAZING);
-            if -radial * radial.abs() > dot(v, v) * beyond {
-                hits.push((row as u32, other as u32));
-            }
-        }
-    }
+/// By how much the pieces of a chunk approach one piece more closely than contact: positive for those that can meet it.
+///
+/// Spelled out without closures: those would not be compiled for the wide vectors.
+#[inline(always)]
+fn excess<S: Simd>(
+    simd: S,
+    [x, y, z, u, v, w]: [&[S::f32s]; 6],
+    chunk: usize,
+    own: [S::f32s; 6],
+    minus_contact_squared: S::f32s,
+) -> S::f32s {
+    let rx = simd.sub_f32s(x[chunk], own[0]);
+    let ry = simd.sub_f32s(y[chunk], own[1]);
+    let rz = simd.sub_f32s(z[chunk], own[2]);
+    let vx = simd.sub_f32s(u[chunk], own[3]);
+    let vy = simd.sub_f32s(v[chunk], own[4]);
+    let vz = simd.sub_f32s(w[chunk], own[5]);
+    let radial = dot(simd, [rx, ry, rz], [vx, vy, vz]);
+    let distance_squared = dot(simd, [rx, ry, rz], [rx, ry, rz]);
+    let speed_squared = dot(simd, [vx, vy, vz], [vx, vy, vz]);
+    // (r.v)^2 with the sign of approach, against |v|^2 (|r|^2 - contact^2), less what rounding may do.
+    let approach = simd.neg_f32s(simd.mul_f32s(radial, simd.abs_f32s(radial)));
+    let beyond = simd.max_f32s(
+        simd.mul_add_e_f32s(
+            distance_squared,
+            simd.splat_f32s(1.0 - ROUNDING),
+            minus_contact_squared,
+        ),
+        simd.mul_f32s(distance_squared, simd.splat_f32s(-GRAZING)),
+    );
+    simd.sub_f32s(approach, simd.mul_f32s(speed_squared, beyond))
+}
+
+#[inline(always)]
+fn dot<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> S::f32s {
+    simd.mul_add_e_f32s(
+        a[2],
+        b[2],
+        simd.mul_add_e_f32s(a[1], b[1], simd.mul_f32s(a[0], b[0])),
+    )
 }

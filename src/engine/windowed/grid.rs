@@ -46,9 +46,8 @@ pub struct Grid {
     width: DVec3,
     per_width: DVec3,
     slack: f64,
-    /// Number of each place on the Morton curve, and the place of each number.
+    /// Number of each place on the Morton curve.
     cell_of: Vec<u32>,
-    place_of: Vec<Place>,
     /// Pieces of cell `c`: `pieces[c * capacity..][..lengths[c]]`.
     pieces: Vec<u32>,
     lengths: Vec<u32>,
@@ -97,7 +96,6 @@ impl Grid {
             per_width: 1.0 / width,
             slack: SLACK * width.min_element(),
             cell_of,
-            place_of,
             pieces: vec![0; cells * capacity],
             lengths: vec![0; cells],
             capacity,
@@ -114,12 +112,6 @@ impl Grid {
         self.width
     }
 
-    /// The middle of a cell \[length\].
-    pub fn center(&self, cell: usize) -> DVec3 {
-        let place = DVec3::from_array(self.place_of[cell].map(f64::from));
-        (place + 0.5) * self.width - self.half_size
-    }
-
     /// The cell that holds a position; one outside the box belongs to the nearest.
     #[inline]
     pub fn cell_at(&self, position: DVec3) -> usize {
@@ -129,7 +121,7 @@ impl Grid {
     #[inline]
     fn place_at(&self, position: DVec3) -> Place {
         let place = (position + self.half_size) * self.per_width;
-        std::array::from_fn(|axis| (place[axis].max(0.0) as u16).min(self.counts[axis] - 1))
+        std::array::from_fn(|axis| (place[axis] as u16).min(self.counts[axis] - 1))
     }
 
     /// The number of a place on the curve.
@@ -206,9 +198,17 @@ mod tests {
     fn every_place_has_one_number_and_neighbours_are_near() {
         let grid = Grid::new(DVec3::new(1.0, 1.5, 0.5), 0.25, 100_000);
         assert_eq!(grid.cell_count(), 8 * 12 * 4);
-        for cell in 0..grid.cell_count() {
-            assert_eq!(grid.cell_at(grid.center(cell)), cell);
+        let mut cells = Vec::new();
+        Range {
+            low: [0; 3],
+            high: [7, 11, 3],
         }
+        .for_each(|place| cells.push(grid.cell(place)));
+        assert_eq!(cells[..2], [0, 1]);
+        cells.sort_unstable();
+        assert!(cells.into_iter().eq(0..grid.cell_count()));
+        assert_eq!(grid.cell_at(DVec3::new(-0.9, -1.4, -0.4)), 0);
+        assert_eq!(grid.cell_at(DVec3::splat(5.0)), grid.cell([7, 11, 3]));
     }
 
     #[test]

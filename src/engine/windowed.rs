@@ -31,7 +31,7 @@ use crate::domain::Boundary;
 use crate::engine::contact::{self, InstantWatch};
 use crate::engine::{Counters, Engine, Stuck};
 use crate::event::{Collision, Wall};
-use crate::state::{State, Time, Trajectory};
+use crate::state::{Placement, State, Time, Trajectory};
 use filter::Start;
 use grid::Grid;
 use meeting::{AT_WALL, Meeting};
@@ -56,6 +56,15 @@ const LONGEST_WINDOW: f64 = 4.0;
 
 /// Windows between two sortings of the balls.
 const WINDOWS_PER_SORT: u32 = 8;
+
+/// From which numbers of balls, and at which mean spacing in diameters, this engine is the faster one (measured).
+const FEW_BALLS: usize = 1000;
+const MANY_BALLS: usize = 20_000;
+const DILUTE_FEW: f64 = 2.75;
+const DILUTE_MANY: f64 = 1.75;
+
+/// Largest radius in smallest ones up to which the filter, which knows the largest only, lets little through in vain.
+const SIMILAR_SIZE: f64 = 4.0;
 
 /// Fewest balls in a region: a thread must have enough to do to be worth starting.
 const BALLS_PER_REGION: usize = 10_000;
@@ -94,13 +103,31 @@ pub struct Windowed {
 }
 
 impl Windowed {
-    /// Whether this engine can run a gas: a container without planes, every ball free to move.
-    pub fn supports(state: &State) -> bool {
-        state.domain.boundary == Boundary::Container
-            && state.domain.planes.is_empty()
-            && !state.bodies.any_fixed()
-            && state.ball_count() < MOST_BALLS
-            && state.kinetic_energy() > 0.0
+    /// Whether this engine can run a gas: a container without planes, every ball free to move, some moving.
+    pub fn supports(gas: &Placement) -> bool {
+        gas.domain.boundary == Boundary::Container
+            && gas.domain.planes.is_empty()
+            && gas.bodies.iter().all(|body| body.mass.is_finite())
+            && gas.positions.len() < MOST_BALLS
+            && gas
+                .velocities
+                .iter()
+                .any(|&velocity| velocity != DVec3::ZERO)
+    }
+
+    /// Whether this engine is faster than `event` for a gas: enough balls of like size, far enough apart.
+    pub fn pays(gas: &Placement) -> bool {
+        let count = gas.positions.len();
+        let spacing = (gas.domain.volume() / count as f64).cbrt();
+        let radii = || gas.bodies.iter().map(|body| body.radius);
+        let largest = radii().fold(0.0, f64::max);
+        let alike = largest <= SIMILAR_SIZE * radii().fold(f64::INFINITY, f64::min);
+        let dilute = if count >= MANY_BALLS {
+            DILUTE_MANY
+        } else {
+            DILUTE_FEW
+        };
+        count >= FEW_BALLS && alike && spacing >= dilute * 2.0 * largest && Self::supports(gas)
     }
 
     /// Prepares a gas that this engine supports, to be run by so many threads at the most. Their number changes no collision.
@@ -117,9 +144,11 @@ impl Windowed {
     /// # Panics
     /// If [`Self::supports`] does not hold.
     pub fn with_regions(state: State, regions: usize) -> Self {
+        let walls_only =
+            state.domain.boundary == Boundary::Container && state.domain.planes.is_empty();
         assert!(
-            Self::supports(&state),
-            "the caller asks first whether the windowed engine supports the gas"
+            walls_only && !state.bodies.any_fixed(),
+            "the caller has asked whether this engine supports the gas"
         );
         let count = state.ball_count();
         let volume = state.domain.volume();

@@ -8,7 +8,7 @@ use serde_json::Serializer;
 use serde_json::ser::{Formatter, PrettyFormatter};
 
 use crate::quantity::{Quantity, duration, quantity};
-use crate::snapshot::{Phase, Pressure, Snapshot, Speeds, Units};
+use crate::snapshot::{Check, Echo, Phase, Pressure, Snapshot, Speeds, Units};
 
 /// Name and version of the summary's format.
 pub const SCHEMA: &str = "moltop.summary/1";
@@ -79,6 +79,9 @@ pub struct Summary<'s> {
     momentum_drift: Option<f64>,
     virial_residual: Option<f64>,
     max_overlap: Option<f64>,
+    accuracy: Vec<Check>,
+    echo: Option<Echo>,
+    echo_horizon: Option<f64>,
     speeds: Option<SpeedSummary<'s>>,
     queue_length: QueueLength,
     counters: Counters,
@@ -162,6 +165,9 @@ impl<'s> Summary<'s> {
             momentum_drift: snapshot.momentum_drift,
             virial_residual: snapshot.virial_residual,
             max_overlap: snapshot.max_overlap,
+            accuracy: snapshot.accuracy(),
+            echo: snapshot.echo,
+            echo_horizon: snapshot.echo_horizon,
             speeds: snapshot.speeds.as_deref().map(SpeedSummary::new),
             queue_length: QueueLength {
                 now: snapshot.queue_length,
@@ -361,6 +367,8 @@ mod tests {
             energy_drift: None,
             momentum_drift: None,
             virial_residual: None,
+            echo: None,
+            echo_horizon: None,
             max_overlap: None,
             speeds: None,
             queue_length: 0,

@@ -6,6 +6,7 @@
 
 pub mod engines;
 
+mod echo;
 mod measure;
 mod pace;
 mod run;

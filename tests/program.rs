@@ -142,7 +142,7 @@ fn the_summary_has_every_key_of_its_schema() {
     assert_eq!(summary["schema"], "moltop.summary/1");
     assert_eq!(
         keys(&summary),
-        "collision_rate collisions_per_wall_second compressibility_factor counters energy_drift engine exit kinetic_energy \
+        "accuracy collision_rate collisions_per_wall_second compressibility_factor counters echo echo_horizon energy_drift engine exit kinetic_energy \
          max_overlap mean_free_path momentum_drift pair_collisions peak_rss_bytes plane_collisions pressure queue_length \
          scene schema setup_time_s speeds state_hash temperature time virial_residual wall_collisions wall_time_s"
     );

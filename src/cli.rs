@@ -92,6 +92,9 @@ pub struct RunOptions {
     /// Length of a step of engine step, in the scene's units
     #[arg(long = "dt", value_name = "T", env = "MOLTOP_DT", allow_negative_numbers = true, value_parser = positive)]
     pub step: Option<f64>,
+    /// Threads of engine windowed [default: one for each core]; their number changes no collision
+    #[arg(long, value_name = "N", env = "MOLTOP_THREADS", value_parser = clap::value_parser!(u16).range(1..=64))]
+    pub threads: Option<u16>,
     /// Seed of the random placement, instead of the scene's
     #[arg(long, value_name = "N", env = "MOLTOP_SEED")]
     pub seed: Option<u64>,

@@ -64,6 +64,7 @@ impl Prepared {
             engine: options.engine.unwrap_or(scene.engine),
             calendar: options.calendar,
             step: options.step,
+            threads: options.threads.map(usize::from),
             until: scene.until,
         };
         let engine = Choice::new(&wishes, &placement).map_err(Error::Usage)?;

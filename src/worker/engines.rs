@@ -14,12 +14,12 @@ use crate::state::{Placement, State, UnitScale};
 /// Engines as `--engine` and `[run] engine` name them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum EngineName {
-    /// Let the program choose: event
+    /// Let the program choose: windowed where it is the faster, else event
     #[default]
     Auto,
     /// From collision to collision, exact; any scene
     Event,
-    /// As event, faster for many balls in a container
+    /// The same collisions as event, many times faster for a dilute gas in a container
     Windowed,
     /// In steps of --dt, inexact, for comparison
     Step,
@@ -46,6 +46,8 @@ pub struct Wishes {
     pub calendar: Option<CalendarName>,
     /// `--dt`, in the scene's units; positive.
     pub step: Option<f64>,
+    /// `--threads`.
+    pub threads: Option<usize>,
     /// When the run ends, if it does, in the scene's units.
     pub until: Option<f64>,
 }
@@ -55,8 +57,8 @@ pub struct Wishes {
 pub enum Choice {
     /// [`EventDriven`], with this calendar.
     Event(CalendarName),
-    /// [`Windowed`].
-    Windowed,
+    /// [`Windowed`], on so many threads.
+    Windowed(usize),
     /// [`TimeStepping`], with steps of this length in the scene's units.
     Step(f64),
 }
@@ -79,19 +81,19 @@ impl Choice {
     /// # Errors
     /// The words for the user, when the wishes contradict each other or the engine cannot run these balls.
     pub fn new(wishes: &Wishes, placement: &Placement) -> Result<Self, String> {
+        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+        let threads = || wishes.threads.unwrap_or_else(cores);
         let choice = match (wishes.engine, wishes.step) {
+            (EngineName::Auto, _) if wishes.calendar.is_none() && Windowed::pays(placement) => {
+                Self::Windowed(threads())
+            }
             (EngineName::Auto | EngineName::Event, _) => {
                 Self::Event(wishes.calendar.unwrap_or_default())
             }
+            (EngineName::Windowed, _) if Windowed::supports(placement) => Self::Windowed(threads()),
             (EngineName::Windowed, _) => {
-                if !Windowed::supports(&State::new(placement)) {
-                    return Err(
-                        "engine windowed runs balls that all can move, in a container without \
-                                planes: give --engine event"
-                            .to_owned(),
-                    );
-                }
-                Self::Windowed
+                let words = "engine windowed runs balls that all can move, in a container without planes: give --engine event";
+                return Err(words.to_owned());
             }
             (EngineName::Step, Some(step)) => Self::Step(step),
             (EngineName::Step, None) => {
@@ -121,7 +123,7 @@ impl Choice {
     pub fn name(&self) -> &'static str {
         match self {
             Self::Event(_) => "event",
-            Self::Windowed => "windowed",
+            Self::Windowed(_) => "windowed",
             Self::Step(_) => "step",
         }
     }
@@ -136,7 +138,7 @@ impl Choice {
             Self::Event(CalendarName::Bounded) => {
                 Box::new(EventDriven::<Bounded>::with_calendar(state))
             }
-            Self::Windowed => Box::new(Windowed::new(state)),
+            Self::Windowed(threads) => Box::new(Windowed::new(state, *threads)),
             Self::Step(step) => Box::new(TimeStepping::new(state, *step)),
         }
     }

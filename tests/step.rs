@@ -232,13 +232,43 @@ fn one_ball_bounces_exactly_and_a_gas_at_rest_stays_there() {
 #[test]
 fn a_ball_that_flies_into_a_corner_flies_back() {
     let mut single = lattice(1, 1.0, 8.0, 1);
-    single.velocities[0] = DVec3::new(0.3, -0.3, 0.3);
-    let engine = run(&single, 0.7, 20.0, &mut |_| {});
-    assert_eq!(
-        engine.state().placement().velocities[0],
-        -single.velocities[0]
-    );
-    assert_eq!(engine.counters().wall_collisions, 3);
+    for number in 1..=1000 {
+        let speed = 0.3 + 0.01 * f64::from(number);
+        single.velocities[0] = DVec3::new(speed, -speed, speed);
+        let step = 0.7 / f64::from(number % 13 + 1);
+        // It reaches the corner after 3.5 / speed, and turns there at the end of a step.
+        let time = 3.5 / speed + step;
+        let engine = run(&single, step, time, &mut |_| {});
+        let after = engine.state().placement();
+        assert_eq!(after.velocities[0], -single.velocities[0], "{number}");
+        assert_eq!(engine.counters().wall_collisions, 3);
+    }
+}
+
+#[test]
+fn energy_momentum_and_the_virial_balance_in_scenes_of_all_kinds() {
+    for seed in 0..120 {
+        let state = State::new(&random_scene(seed));
+        if state.kinetic_energy() == 0.0 {
+            continue;
+        }
+        let step = [0.01, 0.3][seed as usize % 2];
+        let mut observer = Observer::new(&state);
+        let mut engine = TimeStepping::new(state, step);
+        for slice in 1..=10 {
+            // Slices end in the middle of steps.
+            let end = engine.state().units.instant(f64::from(slice) * 1.234);
+            engine
+                .advance(end, &mut |collision| observer.record(collision))
+                .expect("never stuck");
+            let drift = observer.ledger.drift(engine.state());
+            let within = |error: Option<f64>| error.is_none_or(|error| error.abs() < 1e-12);
+            assert!(
+                within(drift.energy) && within(drift.momentum) && within(drift.virial),
+                "seed {seed}: {drift:?}"
+            );
+        }
+    }
 }
 
 #[test]

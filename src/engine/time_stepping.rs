@@ -4,8 +4,9 @@
 //! beyond a wall or plane turn back if they move outwards. Nobody is moved out of an overlap: energy is kept to rounding, and
 //! balls that part on their own are left alone. A ball may be beyond a wall by what it flies in a step.
 //!
-//! Its errors fall with the step: pressure `-1.25 sigma dt / d`, largest overlap below `8 sigma dt`, collisions missed because
-//! a pair met and parted within a step `2/3 (sigma dt / d)^2` (`sigma` the thermal velocity, `d` the diameter; measured here).
+//! Its errors fall with the step: pressure `-1.25 sigma dt / d` at a packing fraction of a tenth, less in a thinner gas;
+//! largest overlap below `8 sigma dt`; collisions missed because a pair met and parted within a step `2/3 (sigma dt / d)^2` of
+//! all (`sigma` the thermal velocity, `d` the diameter; measured here).
 //!
 //! What always holds: a ball's trajectory changes at the ends of steps only, and only if it collides or leaves a periodic box,
 //! so the state is right at any present and no rounding adds up in free flight. In a step, walls come before planes before

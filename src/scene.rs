@@ -31,6 +31,7 @@ use crate::domain::{Boundary, Domain};
 use crate::error::{Error, Result};
 use crate::snapshot::{SceneCard, Units};
 use crate::state::Placement;
+use crate::worker::engines::EngineName;
 
 /// The scene that runs when none is named: a cube of oxygen near standard conditions.
 pub const OXYGEN: &str = include_str!("../configs/oxygen.toml");
@@ -59,6 +60,8 @@ pub struct Scene {
     pub center: DVec3,
     /// The domain's planes as the file has them, for writing it again.
     pub planes: Vec<PlaneText>,
+    /// What moves the balls, unless the command line says so.
+    pub engine: EngineName,
     /// Simulated time at which the run ends, if the scene says so.
     pub until: Option<f64>,
     /// Simulated time between two rows of the series.
@@ -253,6 +256,7 @@ impl Scene {
                 domain: region.domain,
                 center: region.center,
                 planes: Vec::new(),
+                engine: EngineName::Auto,
                 until: None,
                 sample: format::default_sample(None, Some(Units::Reduced)),
                 species: Vec::new(),

@@ -3,9 +3,13 @@
 //! All quantities are in the scene's units unless the name says otherwise (`_s` is wall-clock seconds). A quantity that does
 //! not exist yet is `None`, never zero or NaN.
 
+mod accuracy;
+
 use std::sync::Arc;
 
 use serde::Serialize;
+
+pub use accuracy::Check;
 
 /// The unit system of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -82,6 +86,14 @@ pub struct Counts {
     pub ties: u64,
     /// Collisions of a ball at exactly the time of its own collision before.
     pub zero_time_events: u64,
+    /// Steps of engine `step`; zero with the others.
+    pub steps: u64,
+    /// Steps in which missed collisions were looked for.
+    pub audited_steps: u64,
+    /// Pairs that met and parted again within an audited step, and so did not collide.
+    pub missed_collisions: u64,
+    /// Collisions of a pair that had not parted since its last one.
+    pub double_bounces: u64,
 }
 
 /// Pressure by two routes, averaged over the settled part of the run.
@@ -134,6 +146,17 @@ pub struct HistoryPoint {
     pub pair_rate: f64,
     /// Events in the queue at that time.
     pub queue_length: f64,
+}
+
+/// How far a reversed run has found its way back.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Echo {
+    /// Simulated time at which time was reversed.
+    pub turned_at: f64,
+    /// Share of the way back that has been run, from 0 to 1.
+    pub retraced: f64,
+    /// Mean distance of the balls from where they started, in largest diameters; `None` until the run is back there.
+    pub error: Option<f64>,
 }
 
 /// A bounded sample of the balls for the picture.
@@ -203,6 +226,11 @@ pub struct Snapshot {
     pub virial_residual: Option<f64>,
     /// Largest overlap at a collision, relative to the contact distance; `None` before the first pair collision.
     pub max_overlap: Option<f64>,
+    /// How far a reversed run has found back; `None` unless it has been reversed.
+    pub echo: Option<Echo>,
+    /// Simulated time after which a reversal no longer finds back, through rounding; `None` if that is not known, or if the
+    /// engine is exact.
+    pub echo_horizon: Option<f64>,
     /// Speed histogram, refreshed every few seconds.
     pub speeds: Option<Arc<Speeds>>,
     /// Events in the queue now.

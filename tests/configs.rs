@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use moltop::scene::Scene;
 use moltop::snapshot::{Phase, Snapshot};
+use moltop::worker::engines::Choice;
 use moltop::worker::{Options, Outcome, Worker};
 
 /// Runs a scene to a time; what must hold of every run is checked here.
@@ -13,6 +14,7 @@ fn run(name: &str, until: f64) -> (Arc<Snapshot>, Outcome) {
     let scene = Scene::load(Path::new(&format!("configs/{name}.toml"))).expect("a good scene");
     let placement = scene.place().expect("a good scene");
     let options = Options {
+        engine: Choice::default(),
         until: Some(until),
         series: None,
         program_start: Instant::now(),

@@ -16,6 +16,7 @@ use super::table::{FINITE, Limit, MASS, RADIUS};
 use super::{Ball, PlaneText, Scene, format};
 use crate::domain::{Boundary, Domain};
 use crate::snapshot::Units;
+use crate::worker::engines::EngineName;
 
 /// The comment that makes a file's numbers SI.
 pub(super) const SI_COMMENT: &str = "# units = \"si\"";
@@ -336,6 +337,7 @@ impl Contents {
             domain,
             center,
             planes,
+            engine: EngineName::Auto,
             until: None,
             sample: format::default_sample(None, Some(units)),
             species: Vec::new(),

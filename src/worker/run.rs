@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
+use super::echo::{EchoWatch, horizon};
 use super::measure::{self, Pressures, Settled, Survey};
 use super::pace::{Meter, Slices};
 use super::{Options, Slot};
-use crate::engine::event_driven::EventDriven;
 use crate::engine::{Engine, Stuck};
 use crate::feed::Command;
 use crate::history::History;
@@ -65,7 +65,7 @@ impl Setting {
         Snapshot {
             sequence: 0,
             scene: Arc::clone(&self.card),
-            engine: "event",
+            engine: self.options.engine.name(),
             phase: Phase::Starting,
             reversed: false,
             time: 0.0,
@@ -90,6 +90,8 @@ impl Setting {
             momentum_drift: None,
             virial_residual: None,
             max_overlap: None,
+            echo: None,
+            echo_horizon: None,
             speeds: None,
             queue_length: 0,
             queue_length_max: 0,
@@ -117,6 +119,7 @@ struct Run<'a> {
     engine: Box<dyn Engine>,
     observer: Observer,
     pressures: Pressures,
+    echo: EchoWatch,
     survey: Survey,
     survey_due: Instant,
     meter: Meter,
@@ -151,6 +154,7 @@ pub fn run(
     let state = State::new(&placement);
     drop(placement);
     let observer = Observer::new(&state);
+    let echo = EchoWatch::new(&state);
     let survey_began = Instant::now();
     let survey = Survey::of(&state, &observer);
     let survey_due = survey_began + survey_pause(survey_began.elapsed());
@@ -160,8 +164,9 @@ pub fn run(
         slot,
         pressures: Pressures::of(&state),
         slices: Slices::new(FIRST_SLICE * state.units.time),
-        engine: Box::new(EventDriven::new(state)),
+        engine: setting.options.engine.engine(state),
         observer,
+        echo,
         survey,
         survey_due,
         meter: Meter::default(),
@@ -260,6 +265,7 @@ impl Run<'_> {
                 self.engine.reverse();
                 self.observer.ledger.reverse(self.engine.state());
                 self.reversed = !self.reversed;
+                self.echo.turn(self.time());
             }
             Command::LimitTimeRate(limit) => {
                 self.limit = limit;
@@ -292,7 +298,12 @@ impl Run<'_> {
         if let Some(limit) = self.limit {
             length = length.min(limit * LIMITED_SLICE_S);
         }
-        let stops = [Some(next_row), self.step_until, self.setting.options.until];
+        let stops = [
+            Some(next_row),
+            self.step_until,
+            self.echo.back_at(),
+            self.setting.options.until,
+        ];
         let target = stops.into_iter().flatten().fold(time + length, f64::min);
         self.target = target;
         let observer = &mut self.observer;
@@ -304,6 +315,9 @@ impl Run<'_> {
         self.meter
             .ran(spent, self.time(), self.engine.counters().pair_collisions);
 
+        if self.echo.back_at().is_some_and(|back| target >= back) {
+            self.echo.arrive(self.engine.state());
+        }
         let at_row = target >= next_row;
         if at_row || began >= self.survey_due {
             self.look_at_every_ball();
@@ -451,6 +465,12 @@ impl Run<'_> {
             momentum_drift: self.survey.momentum_drift,
             virial_residual: self.survey.virial_residual,
             max_overlap: self.observer.max_overlap,
+            echo: self.echo.at(time),
+            echo_horizon: horizon(
+                card.packing_fraction,
+                pair_rate.map_or(0.0, |rate| 2.0 * rate / balls),
+            )
+            .filter(|_| self.engine.name() != "reversible"),
             speeds: self.survey.speeds.clone(),
             queue_length: self.engine.queue_length() as u64,
             queue_length_max: counters.queue_length_max,

@@ -85,6 +85,8 @@ pub fn starting(scene: SceneCard) -> Snapshot {
         energy_drift: None,
         momentum_drift: None,
         virial_residual: None,
+        echo: None,
+        echo_horizon: None,
         max_overlap: None,
         speeds: None,
         queue_length: 0,

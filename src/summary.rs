@@ -286,12 +286,12 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
     );
     let Pressure {
         wall,
+        virial, // a periodic box has no walls
         standard_error,
-        ..
     } = snapshot.pressure;
     let expected = show(snapshot.expected.pressure, Quantity::Pressure);
     let (wall, error) = (
-        show(wall, Quantity::Pressure),
+        show(wall.or(virial), Quantity::Pressure),
         show(standard_error, Quantity::Pressure),
     );
     line(

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
+use crate::domain::Boundary;
 use crate::quantity::{Quantity, duration, plain, quantity};
 use crate::scene::analysis::{self, Theory};
 use crate::scene::{BYTES_PER_BALL, Scene};
@@ -19,6 +20,9 @@ pub const ASSUMED_BALL_STEPS_PER_SECOND: f64 = 2e7;
 
 /// A run that takes longer must be accepted with `--yes` \[s\].
 pub const LONG_RUN: f64 = 3600.0;
+
+/// Coordinates coarser than this share of the smallest radius are worth a warning.
+const FINE_POSITION: f64 = 1e-12;
 
 /// What is known of a scene before it runs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -80,14 +84,18 @@ impl Report {
             temperature,
             expected,
             until,
-            cost: cost(expected, until),
             cost_in_steps: None,
+            cost: cost(
+                expected,
+                placement.domain.boundary == Boundary::Container,
+                until,
+            ),
             bytes_per_ball: BYTES_PER_BALL,
             memory_bytes: BYTES_PER_BALL * ball_count as u64,
-            model: model(placement),
-            warnings: Vec::new(),
+            model: analysis::choices(placement),
+            warnings: doubts(placement, scene.units),
         };
-        report.warnings = report.find_warnings();
+        report.warnings.extend(report.find_warnings(placement));
         report
     }
 
@@ -132,17 +140,17 @@ impl Report {
         ))
     }
 
-    fn find_warnings(&self) -> Vec<String> {
+    fn find_warnings(&self, placement: &Placement) -> Vec<String> {
         let mut warnings = Vec::new();
         if self.ball_count == 0 {
             warnings.push("the scene has no balls: nothing will happen".to_owned());
-        } else if self.temperature == Some(0.0) {
+        } else if self.temperature.is_none_or(|t| t == 0.0) {
             warnings.push("all balls rest: nothing will happen".to_owned());
-        } else if self.expected.pressure.is_none() {
-            warnings.push(
-                "so dense that the balls may freeze: theory has no pressure and no rates here"
-                    .to_owned(),
-            );
+        } else if self.expected.pair_rate.is_none() {
+            warnings.push(format!(
+                "theory has no pressure and no rates here: {}",
+                why_silent(placement)
+            ));
         }
         if let Some(cost) = self.cost.filter(|cost| cost.wall_time_s > LONG_RUN) {
             let time = duration(cost.wall_time_s);
@@ -169,12 +177,14 @@ impl Report {
             "temperature",
             &show(self.temperature, Quantity::Temperature),
         );
+        let pressure = show(self.expected.pressure, Quantity::Pressure);
         line(
             "pressure",
-            &format!(
-                "{} expected, force per wall area",
-                show(self.expected.pressure, Quantity::Pressure)
-            ),
+            &if self.expected.wall_rate.is_some() {
+                format!("{pressure} expected, force per wall area")
+            } else {
+                format!("{pressure} expected")
+            },
         );
         line(
             "pair collisions",
@@ -215,10 +225,10 @@ impl Report {
     }
 }
 
-fn cost(expected: Rates, until: Option<f64>) -> Option<Cost> {
+fn cost(expected: Rates, walls: bool, until: Option<f64>) -> Option<Cost> {
     let until = until?;
-    let (pair_collisions, wall_collisions) =
-        (expected.pair_rate? * until, expected.wall_rate? * until);
+    let wall_rate = if walls { expected.wall_rate? } else { 0.0 };
+    let (pair_collisions, wall_collisions) = (expected.pair_rate? * until, wall_rate * until);
     // Walls cost less than pairs and usually come along; alone they still take their time.
     let wall_time_s = pair_collisions.max(wall_collisions) / ASSUMED_COLLISIONS_PER_SECOND;
     Some(Cost {
@@ -228,19 +238,60 @@ fn cost(expected: Rates, until: Option<f64>) -> Option<Cost> {
     })
 }
 
-fn model(placement: &Placement) -> Vec<String> {
-    let bodies = match placement.bodies.len() {
-        0 => "no balls".to_owned(),
-        1 => "one radius and mass for all balls: kept once".to_owned(),
-        kinds => format!("{kinds} different radii and masses: an index per ball"),
-    };
-    let pairs = match placement.positions.len() {
-        0 | 1 => "no collisions between balls: there are no pairs",
-        _ => "collisions between balls, event by event: the only engine of this version",
-    };
-    vec![
-        bodies,
-        pairs.to_owned(),
-        "six hard walls; no planes, no periodic images".to_owned(),
-    ]
+/// Why theory has nothing to say of a scene.
+fn why_silent(placement: &Placement) -> &'static str {
+    if placement.positions.len() < analysis::FEWEST {
+        return "too few balls for averages";
+    }
+    if placement.domain.boundary == Boundary::Open {
+        "the balls spread in open space"
+    } else if !placement.domain.planes.is_empty() {
+        "planes divide the domain"
+    } else if placement.bodies.iter().any(|body| body.mass.is_infinite()) {
+        "some balls are fixed"
+    } else if analysis::packing_fraction(placement) < 0.3 {
+        "a ball nearly fills the container"
+    } else {
+        "so dense that the balls may freeze"
+    }
+}
+
+/// What the numbers of a scene themselves make doubtful.
+fn doubts(placement: &Placement, units: Units) -> Vec<String> {
+    let mut doubts = Vec::new();
+    let radii = placement.bodies.iter().map(|body| body.radius);
+    let masses = placement.bodies.iter().map(|body| body.mass);
+    let smallest = radii
+        .clone()
+        .filter(|r| *r > 0.0)
+        .fold(f64::INFINITY, f64::min);
+    let farthest = (placement.center.abs() + placement.domain.half_size).max_element();
+    let step = farthest.next_up() - farthest;
+    if step > FINE_POSITION * smallest {
+        doubts.push(format!(
+            "coordinates reach {}, where they are rounded to {} of the smallest radius: contacts are as coarse",
+            plain(farthest),
+            plain(step / smallest)
+        ));
+    }
+    let (largest, heaviest) = (
+        radii.fold(0.0, f64::max),
+        masses.filter(|mass| mass.is_finite()).fold(0.0, f64::max),
+    );
+    match units {
+        Units::Si if largest > 1e-3 && heaviest > 1e-3 => doubts.push(format!(
+            "balls of {} m and {} kg in SI units: if the numbers are reduced ones, say units = \"reduced\"",
+            plain(largest),
+            plain(heaviest)
+        )),
+        Units::Reduced if 0.0 < heaviest && heaviest < 1e-18 && largest < 1e-6 => {
+            doubts.push(format!(
+                "radius {} and mass {} in reduced units, where k = 1: if these are metres and kilograms, say units = \"si\"",
+                plain(largest),
+                plain(heaviest)
+            ));
+        }
+        _ => {}
+    }
+    doubts
 }

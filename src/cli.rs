@@ -59,6 +59,25 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Write a scene's balls one by one: as TOML, the seed's text or a CSV state
+    #[command(
+        after_help = "IN is a scene (TOML or the seed's text, by its content) or a CSV state (by its name).\n\
+                            Every number of OUT reads back bit for bit."
+    )]
+    Convert {
+        /// Scene or CSV state
+        #[arg(value_name = "IN")]
+        input: PathBuf,
+        /// File to write: .toml, .txt or .seed, .csv
+        #[arg(value_name = "OUT")]
+        output: PathBuf,
+        /// Scene whose domain and units the balls of a CSV state live in [default: open space, reduced units]
+        #[arg(long, value_name = "SCENE")]
+        domain_of: Option<PathBuf>,
+        /// Overwrite a file that exists
+        #[arg(long, env = "MOLTOP_FORCE", value_parser = FalseyValueParser::new())]
+        force: bool,
+    },
     /// Print a shell's completions
     #[command(
         after_help = "Example: moltop completions bash > ~/.local/share/bash-completion/completions/moltop"

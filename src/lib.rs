@@ -37,6 +37,7 @@ pub mod units;
 // Edges.
 pub mod check;
 pub mod cli;
+pub mod convert;
 pub mod feed;
 pub mod headless;
 pub mod history;

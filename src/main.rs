@@ -8,6 +8,7 @@ use std::time::Instant;
 use clap::{CommandFactory, Parser};
 use moltop::check::Report;
 use moltop::cli::{Cli, Command, RunOptions};
+use moltop::convert::convert;
 use moltop::error::{Error, Result};
 use moltop::headless;
 use moltop::run::{Prepared, load, say};
@@ -23,6 +24,12 @@ fn main() -> ExitCode {
         None => watch(&cli.watch, program_start),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
+        Some(Command::Convert {
+            input,
+            output,
+            domain_of,
+            force,
+        }) => convert(&input, &output, domain_of.as_deref(), force).map(|()| 0),
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "moltop", &mut text);

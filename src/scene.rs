@@ -3,13 +3,17 @@
 //! [`Scene::load`] and [`Scene::parse`] doubt every value once; what comes out of [`Scene::place`] is finite, inside the
 //! domain and free of overlaps, so nothing behind it doubts again.
 
+mod checks;
 mod contact_grid;
 mod format;
 mod memory;
 mod placement;
 mod reader;
+mod region;
+mod seed_text;
 mod site;
 mod table;
+mod write;
 
 pub mod analysis;
 
@@ -18,12 +22,12 @@ pub use site::Cell;
 pub use table::Rows;
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use crate::domain::Domain;
+use crate::domain::{Boundary, Domain};
 use crate::error::{Error, Result};
 use crate::snapshot::{SceneCard, Units};
 use crate::state::Placement;
@@ -37,6 +41,9 @@ pub const OXYGEN_NAME: &str = "configs/oxygen.toml";
 
 /// Largest scene file \[bytes\]; more balls than fit belong into a CSV file.
 const LARGEST_FILE: u64 = 64 << 20;
+
+/// Largest file of the seed's text \[bytes\], which has no other place for its balls.
+const LARGEST_SEED_TEXT: u64 = 2 << 30;
 
 /// A scene that has been checked: every value behind this door is good.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,6 +60,8 @@ pub struct Scene {
     pub center: DVec3,
     /// What moves the balls, unless the command line says so.
     pub engine: EngineName,
+    /// The domain's planes as the file has them, for writing it again.
+    pub planes: Vec<PlaneText>,
     /// Simulated time at which the run ends, if the scene says so.
     pub until: Option<f64>,
     /// Simulated time between two rows of the series.
@@ -67,6 +76,15 @@ pub struct Scene {
     pub source: String,
 }
 
+/// A plane in the words of a scene file, in the scene's coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlaneText {
+    /// A point of the plane \[length\].
+    pub point: DVec3,
+    /// A vector perpendicular to it, of any length.
+    pub normal: DVec3,
+}
+
 /// Balls alike in radius, mass and the rule that places them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Species {
@@ -74,9 +92,9 @@ pub struct Species {
     pub name: Option<String>,
     /// Number of balls.
     pub count: usize,
-    /// Radius of each \[length\]; `None` takes it from the rows of the file that places them.
+    /// Radius of each \[length\], 0 for points; `None` takes it from the rows of the file that places them.
     pub radius: Option<f64>,
-    /// Mass of each \[mass\]; `None` takes it from the rows of the file that places them.
+    /// Mass of each \[mass\], infinite for balls that never move; `None` takes it from the rows of the file that places them.
     pub mass: Option<f64>,
     /// Where the balls start.
     pub sites: Sites,
@@ -133,9 +151,9 @@ pub struct Ball {
     pub position: DVec3,
     /// Velocity.
     pub velocity: DVec3,
-    /// Radius \[length\].
+    /// Radius \[length\], 0 for a point.
     pub radius: f64,
-    /// Mass \[mass\].
+    /// Mass \[mass\], infinite for a ball that never moves.
     pub mass: f64,
     /// Line of the scene file, for messages.
     pub line: usize,
@@ -149,11 +167,25 @@ impl Scene {
     pub fn load(path: &Path) -> Result<Self> {
         let refuse = |words: String| Error::Scene(vec![format!("{}: {words}", path.display())]);
         let mut bytes = Vec::new();
-        File::open(path)
-            .and_then(|file| file.take(LARGEST_FILE + 1).read_to_end(&mut bytes))
-            .map_err(|error| refuse(format!("cannot read: {error}")))?;
-        if bytes.len() as u64 > LARGEST_FILE {
-            let limit = LARGEST_FILE >> 20;
+        let cannot_read = |error: io::Error| refuse(format!("cannot read: {error}"));
+        let mut file = File::open(path).map_err(cannot_read)?;
+        let mut read = |bytes: &mut Vec<u8>, limit: u64| {
+            (&mut file)
+                .take(limit + 1 - bytes.len() as u64)
+                .read_to_end(bytes)
+        };
+        read(&mut bytes, LARGEST_FILE).map_err(cannot_read)?;
+        let mut limit = LARGEST_FILE;
+        let begin = str::from_utf8(&bytes[..bytes.len().min(4096)])
+            .map_or_else(|error| error.valid_up_to(), str::len);
+        if bytes.len() as u64 > limit
+            && seed_text::is_seed_text(&String::from_utf8_lossy(&bytes[..begin]))
+        {
+            limit = LARGEST_SEED_TEXT;
+            read(&mut bytes, limit).map_err(cannot_read)?;
+        }
+        if bytes.len() as u64 > limit {
+            let limit = limit >> 20;
             return Err(refuse(format!(
                 "size: more than the limit of {limit} MiB: put the balls into a CSV file, placement = {{ kind = \"file\", ... }}"
             )));
@@ -180,12 +212,70 @@ impl Scene {
         Self::parse(Path::new(OXYGEN_NAME), OXYGEN).expect("the embedded scene is a good scene")
     }
 
-    /// Reads a scene from the text of a file; `path` is for messages, and files that the scene names are found beside it.
+    /// Reads a scene from the text of a file, TOML or the seed's, whatever its name; `path` is for messages, and files that the scene names are found beside it.
     ///
     /// # Errors
     /// [`Error::Scene`] with one line per fault.
     pub fn parse(path: &Path, text: &str) -> Result<Self> {
-        format::parse(path, text).map_err(Error::Scene)
+        let parse = if seed_text::is_seed_text(text) {
+            seed_text::parse
+        } else {
+            format::parse
+        };
+        parse(path, text).map_err(Error::Scene)
+    }
+
+    /// The balls of a CSV state, with the domain and units of a scene; without one, in open space and reduced units.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] with one line per fault of the file.
+    pub fn from_state(path: &Path, like: Option<Self>) -> Result<Self> {
+        let rows = table::read(path).map_err(Error::Scene)?;
+        let (Some(radii), Some(masses)) = (&rows.radii, &rows.masses) else {
+            let words = format!("{}: columns: radius and mass are needed", path.display());
+            return Err(Error::Scene(vec![words]));
+        };
+        let still = vec![DVec3::ZERO; rows.positions.len()];
+        let velocities = rows.velocities.as_ref().unwrap_or(&still);
+        let balls: Vec<Ball> = (0..rows.positions.len())
+            .map(|index| Ball {
+                name: None,
+                position: rows.positions[index],
+                velocity: velocities[index],
+                radius: radii[index],
+                mass: masses[index],
+                line: index + 2, // after the header
+            })
+            .collect();
+        let scene = like.unwrap_or_else(|| {
+            let region = seed_text::open_space(&balls);
+            Self {
+                title: format::default_title(path),
+                units: Units::Reduced,
+                seed: 1,
+                domain: region.domain,
+                center: region.center,
+                engine: EngineName::Auto,
+                planes: Vec::new(),
+                until: None,
+                sample: format::default_sample(None, Some(Units::Reduced)),
+                species: Vec::new(),
+                balls: Vec::new(),
+                path: PathBuf::new(),
+                source: String::new(),
+            }
+        });
+        Ok(Self {
+            species: Vec::new(),
+            balls,
+            path: path.to_owned(),
+            ..scene
+        })
+    }
+
+    /// Whether the domain is a periodic box.
+    pub fn has_images(&self) -> bool {
+        self.domain.boundary == Boundary::Periodic
     }
 
     /// Number of balls.

@@ -23,7 +23,7 @@ fn every_bad_scene_is_refused_in_its_own_words() {
         .map(|entry| entry.expect("an entry").path())
         .filter(|path| {
             path.extension()
-                .is_some_and(|extension| extension == "toml")
+                .is_some_and(|extension| extension == "toml" || extension == "txt")
         })
         .collect();
     paths.sort();
@@ -155,14 +155,51 @@ const LINES: &[&str] = &[
     "position = [0, 0, 0]",
     "position = [inf, nan, 0]",
     "[[plane]]",
+    "point = [0, 1, 2]",
+    "normal = [0, 1e-320, 1]",
+    "kind = \"periodic\"",
+    "kind = \"open\"",
+    "fixed = true",
+    "radius = 0",
     "[run]",
     "until = 1e-300",
     "sample = 1e300",
     "[",
 ];
 
+/// Lines that files of the seed are made of.
+const SEED_LINES: &[&str] = &[
+    "1 0 1 0",
+    "0 0 30 0 0 0 45 1",
+    "C 1",
+    "C 0",
+    "0 0 0 10 10 10",
+    "W 1",
+    "0 0 0 0 0 1",
+    "B 2",
+    "B 18446744073709551615",
+    "1 1 1 0 0 0 1 0.5",
+    "-1 -1 -1 0 0 0 inf 0",
+    "1e300\t-1e300 0 0 0 0 1e-320 1e300\t",
+    "nan 0,5",
+    "# units = \"si\"",
+];
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    #[test]
+    fn shuffled_seed_texts_never_panic(lines in prop::collection::vec(prop::sample::select(SEED_LINES), 0..12)) {
+        if let Ok(scene) = Scene::parse(Path::new("s.txt"), &lines.join("\n")) {
+            let _ = scene.place();
+        }
+    }
+
+    #[test]
+    fn cut_seed_texts_never_panic(length in 0_usize..90) {
+        let whole = "1 0 1 0\r\n0 0 30 0 0 0 45 1\r\nC 1\r\n0 0 0 9 9 9\r\nB 1\r\n1 1 1 0 0 0 1 0.5\r\n";
+        let _ = Scene::parse(Path::new("s.txt"), &whole[..length.min(whole.len())]);
+    }
 
     #[test]
     fn arbitrary_text_never_panics(letters in prop::collection::vec(any::<char>(), 0..200)) {

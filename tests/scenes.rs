@@ -49,7 +49,20 @@ fn the_files_in_configs_are_good_and_the_embedded_scene_is_one_of_them() {
         );
     }
     names.sort();
-    assert_eq!(names, ["oxygen.toml", "seed-15625.toml", "seed-512.toml"]);
+    let expected = [
+        "brownian.toml",
+        "cradle.toml",
+        "crystal.toml",
+        "dense-fluid.toml",
+        "ideal-gas.toml",
+        "mixture.toml",
+        "oxygen.toml",
+        "piston.toml",
+        "seed-15625.toml",
+        "seed-512.toml",
+        "wedge.toml",
+    ];
+    assert_eq!(names, expected);
 }
 
 #[test]
@@ -189,4 +202,55 @@ fn the_card_says_how_full_the_box_is() {
         (card.ball_count, card.size, card.radius),
         (8, [10.0; 3], 2.5)
     );
+}
+
+#[test]
+fn a_periodic_box_takes_balls_in_at_the_opposite_face() {
+    let text = "units = \"reduced\"\n[domain]\nkind = \"periodic\"\nsize = [10, 10, 10]\ncenter = [5, 5, 5]\n\
+                [[ball]]\nposition = [12, -1, 3]\nradius = 1\nmass = 1\n";
+    assert_eq!(placed(text).positions, [DVec3::new(2.0, 9.0, 3.0)]);
+}
+
+#[test]
+fn a_periodic_lattice_without_spacing_closes_through_the_faces() {
+    // Touching neighbours everywhere, across the faces as well.
+    let text = "units = \"reduced\"\n[domain]\nkind = \"periodic\"\nsize = [10, 10, 10]\n\
+                [[species]]\ncount = 1000\nradius = 0.5\nmass = 1\n";
+    let positions = placed(text).positions;
+    assert_eq!(positions[0], DVec3::splat(-4.5));
+    assert_eq!(positions[999], DVec3::splat(4.5));
+}
+
+#[test]
+fn random_balls_keep_clear_of_planes_and_of_images() {
+    let text = "units = \"reduced\"\n[domain]\nkind = \"periodic\"\nsize = [10, 10, 10]\n\
+                [[species]]\ncount = 500\nradius = 0.5\nmass = 1\nplacement = { kind = \"random\" }\n";
+    placed(text); // place() itself checks overlaps through the faces
+    let planes = "[[plane]]\npoint = [1, 0, 0]\nnormal = [1, 2, 3]\n[[plane]]\npoint = [0, 0, 0]\nnormal = [0, 0, -1e-9]\n";
+    let container = text.replace("periodic", "container").replace("500", "200") + planes;
+    placed(&container); // and planes
+}
+
+#[test]
+fn sizes_ten_thousand_apart_are_checked_in_no_time() {
+    let text = "units = \"reduced\"\n[domain]\nkind = \"container\"\nsize = [10, 10, 10]\n\
+                [[species]]\ncount = 100000\nradius = 1e-4\nmass = 1e-12\nplacement = { kind = \"random\" }\n\
+                [[species]]\ncount = 20000\nradius = 0.0\nmass = 1e-12\nplacement = { kind = \"random\" }\n\
+                [[species]]\ncount = 20\nradius = 1.0\nmass = 1.0\nplacement = { kind = \"random\" }\n";
+    let began = std::time::Instant::now();
+    assert_eq!(placed(text).bodies.len(), 3);
+    assert!(began.elapsed().as_secs_f64() < 5.0, "{:?}", began.elapsed());
+}
+
+#[test]
+fn a_fixed_ball_has_an_infinite_mass_and_a_point_no_radius() {
+    let balls = placed(&in_a_box(
+        "[[species]]\ncount = 8\nradius = 0\nmass = 1\nvelocity = { kind = \"maxwell\", temperature = 1 }\n\
+         [[ball]]\nposition = [0, 0, 0]\nradius = 1\nfixed = true\n",
+    ));
+    assert_eq!(
+        (balls.bodies[0].radius, balls.bodies[1].mass),
+        (0.0, f64::INFINITY)
+    );
+    assert_eq!(balls.velocities[8], DVec3::ZERO);
 }

@@ -12,6 +12,9 @@ use glam::DVec3;
 /// End of a chain.
 const NONE: u32 = u32::MAX;
 
+/// The level of the balls without size.
+const POINTS: i32 = i32::MIN;
+
 /// Balls by place and size.
 pub(super) struct ContactGrid {
     levels: BTreeMap<i32, Level>,
@@ -33,6 +36,12 @@ impl ContactGrid {
         for radius in radii {
             *counts.entry(level_of(radius)).or_default() += 1;
         }
+        // Points are looked for from balls only, so their cells are as wide as those of the smallest balls.
+        let smallest = counts.keys().copied().find(|&exponent| exponent != POINTS);
+        let cell_width = |exponent: i32| match smallest {
+            Some(smallest) => cell_width(exponent.max(smallest)),
+            None => 1.0, // nobody looks for them
+        };
         let level = |(exponent, count): (i32, usize)| {
             let first = vec![NONE; count.next_power_of_two()];
             (
@@ -63,6 +72,16 @@ impl ContactGrid {
         level.balls.push((index, position, radius));
     }
 
+    /// Whether a ball would touch none.
+    pub(super) fn is_free(&self, position: DVec3, radius: f64) -> bool {
+        let mut free = true;
+        self.near(position, radius, |_, _, _| {
+            free = false;
+            false
+        });
+        free
+    }
+
     /// Calls `visit(index, distance, contact distance)` for every ball that may touch the given one; stops at `false`.
     pub(super) fn near(
         &self,
@@ -75,7 +94,10 @@ impl ContactGrid {
             let distance = (position - other).length();
             distance >= contact || visit(index, distance, contact)
         };
-        for level in self.levels.values() {
+        for (exponent, level) in &self.levels {
+            if *exponent == POINTS && radius == 0.0 {
+                continue; // two points never touch
+            }
             // No ball of the level is wider than a cell.
             let reach = DVec3::splat(radius + 0.5 * level.cell_width);
             let low = cell_of(position - reach, level.cell_width);
@@ -110,7 +132,7 @@ impl ContactGrid {
 
 /// The exponent of the power of two at or above the radius.
 fn level_of(radius: f64) -> i32 {
-    radius.log2().ceil() as i32
+    radius.log2().ceil() as i32 // the logarithm of zero is cut to the smallest number
 }
 
 /// Width of the widest ball of a level, and a little more because a logarithm rounds.

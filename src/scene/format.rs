@@ -7,8 +7,8 @@ use glam::DVec3;
 use toml::de::DeTable;
 
 use super::reader::{At, Faults, Table, number};
+use super::region::{Region, read_domain, read_plane};
 use super::{Ball, Cell, Scene, Sites, Species, Velocities, memory, table};
-use crate::domain::Domain;
 use crate::snapshot::Units;
 use crate::worker::engines::EngineName;
 
@@ -38,13 +38,9 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Scene, Vec<String>> {
 
 /// `None` only after a fault.
 fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) -> Option<Scene> {
-    let title = table.text("title", faults).map_or_else(
-        || {
-            path.file_stem()
-                .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
-        },
-        |title| title.value,
-    );
+    let title = table
+        .text("title", faults)
+        .map_or_else(|| default_title(path), |title| title.value);
     let units = read_units(&mut table, faults);
     let seed = table.count("seed", faults).map_or(1, |seed| seed.value);
     let domain = if let Some(table) = table.table("domain", "[domain]", faults) {
@@ -67,18 +63,21 @@ fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) ->
     for table in ball_tables {
         balls.extend(read_ball(table, faults));
     }
-    if let Some(plane) = table.tables("plane", "[[plane]]", faults).first() {
-        faults.add(
-            plane.span.start,
-            "[[plane]]: planes are not in this version",
-        );
+    let center = domain.as_ref().map_or(DVec3::ZERO, |region| region.center);
+    let mut planes = Vec::new();
+    for table in table.tables("plane", "[[plane]]", faults) {
+        planes.extend(read_plane(table, center, faults));
     }
     let (engine, until, sample) = match table.table("run", "[run]", faults) {
         Some(table) => read_run(table, units, faults),
         None => (EngineName::Auto, None, default_sample(None, units)),
     };
     table.finish(faults);
-    let (domain, center, span) = domain?;
+    let Region {
+        mut domain, span, ..
+    } = domain?;
+    let (planes, texts): (Vec<_>, Vec<_>) = planes.into_iter().unzip();
+    domain.planes = planes;
     let scene = Scene {
         title,
         units: units?,
@@ -86,6 +85,7 @@ fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) ->
         domain,
         center,
         engine,
+        planes: texts,
         until,
         sample,
         species,
@@ -93,9 +93,15 @@ fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) ->
         path: path.to_owned(),
         source: text.to_owned(),
     };
-    check_precision(&scene, span, faults);
+    check_precision(&scene, span.start, faults);
     check_memory(&scene, faults);
     Some(scene)
+}
+
+/// The file's name without its extension.
+pub(super) fn default_title(path: &Path) -> String {
+    path.file_stem()
+        .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
 }
 
 fn read_units(table: &mut Table, faults: &mut Faults) -> Option<Units> {
@@ -114,56 +120,17 @@ fn read_units(table: &mut Table, faults: &mut Faults) -> Option<Units> {
     }
 }
 
-/// The domain, its centre, and where its size stands in the text.
-type ReadDomain = (Domain, DVec3, usize);
-
-fn read_domain(mut table: Table, faults: &mut Faults) -> Option<ReadDomain> {
-    let kind = table.text("kind", faults);
-    match &kind {
-        Some(kind) if kind.value == "container" => {}
-        Some(kind) if ["periodic", "open"].contains(&kind.value.as_str()) => {
-            faults.value(
-                "kind",
-                &kind.span,
-                "not in this version, which runs \"container\"",
-            );
-        }
-        Some(kind) => faults.value("kind", &kind.span, "must be \"container\""),
-        None => table.missing("kind", "must be \"container\"", faults),
-    }
-    let center = table
-        .vector("center", faults)
-        .map_or(DVec3::ZERO, |center| center.value);
-    let limit = "three edges, [x, y, z], each greater than 0";
-    let size = table.vector("size", faults);
-    let domain = match size {
-        Some(size) if size.value.cmpgt(DVec3::ZERO).all() => {
-            let half_size = 0.5 * size.value;
-            Some((Domain::container(half_size), center, size.span.start))
-        }
-        Some(size) => {
-            faults.value("size", &size.span, &format!("must be {limit}"));
-            None
-        }
-        None => {
-            table.missing("size", limit, faults);
-            None
-        }
-    };
-    table.finish(faults);
-    domain
-}
-
 fn read_species(
     mut table: Table,
     path: &Path,
-    domain: Option<&ReadDomain>,
+    domain: Option<&Region>,
     faults: &mut Faults,
 ) -> Option<Species> {
     let name = table.text("name", faults).map(|name| name.value);
     let count = table.count("count", faults);
     let radius = read_radius(&mut table, domain, faults);
-    let mass = table.positive("mass", faults);
+    let fixed = read_fixed(&mut table, faults);
+    let mass = read_mass(&mut table, fixed, faults);
     let lattice = Sites::Lattice {
         cell: Cell::Cubic,
         spacing: None,
@@ -176,7 +143,12 @@ fn read_species(
     let placed = sites.is_some();
     let sites = sites.unwrap_or(lattice);
     let velocities = match table.table("velocity", "velocity", faults) {
+        Some(velocity) if fixed => {
+            faults.add(velocity.span.start, FIXED_MOVES);
+            None
+        }
         Some(velocity) => read_velocities(velocity, faults),
+        None if fixed => Some(Velocities::Rest),
         None if matches!(&sites, Sites::Rows(rows) if rows.velocities.is_some()) => None,
         None => Some(Velocities::Rest),
     };
@@ -208,16 +180,13 @@ fn read_species(
         }
     };
     if placed && !row_radii {
-        table.missing("radius", "must be greater than 0", faults);
+        table.missing("radius", "must be 0 or greater", faults);
     }
-    if placed && !row_masses {
+    if placed && !row_masses && !fixed {
         table.missing("mass", "must be greater than 0", faults);
     }
     table.finish(faults);
-    let (radius, mass) = (
-        radius.map(|radius| radius.value),
-        mass.map(|mass| mass.value),
-    );
+    let radius = radius.map(|radius| radius.value);
     Some(Species {
         name,
         count: count?,
@@ -249,27 +218,44 @@ fn check_count(count: &At<u64>, faults: &mut Faults) -> Option<usize> {
     Some(count.value as usize)
 }
 
-fn read_radius(
-    table: &mut Table,
-    domain: Option<&ReadDomain>,
-    faults: &mut Faults,
-) -> Option<At<f64>> {
+fn read_radius(table: &mut Table, domain: Option<&Region>, faults: &mut Faults) -> Option<At<f64>> {
     let radius = table.number_where(
         "radius",
-        |radius| radius > 0.0,
-        "must be greater than 0 (balls without size are not in this version)",
+        |radius| radius == 0.0 || radius >= f64::MIN_POSITIVE,
+        "must be 0, a point, or greater",
         faults,
     )?;
-    let room = domain.map_or(f64::INFINITY, |(domain, ..)| domain.half_size.min_element());
+    if let Some(words) = table.underflow("radius") {
+        faults.value("radius", &radius.span, words);
+        return None;
+    }
+    let (room, why) = domain.map_or((f64::INFINITY, ""), Region::room);
     if radius.value > room {
-        faults.value(
-            "radius",
-            &radius.span,
-            &format!("must be at most {room}, half the container's smallest edge"),
-        );
+        let limit = format!("must be at most {}, {why}", number(room));
+        faults.value("radius", &radius.span, &limit);
         return None;
     }
     Some(radius)
+}
+
+const FIXED_MOVES: &str = "velocity: a fixed ball has none: leave it out";
+
+fn read_fixed(table: &mut Table, faults: &mut Faults) -> bool {
+    table.flag("fixed", faults).is_some_and(|fixed| fixed.value)
+}
+
+/// The mass; infinite for a ball that never moves.
+fn read_mass(table: &mut Table, fixed: bool, faults: &mut Faults) -> Option<f64> {
+    if fixed {
+        if let Some(mass) = table.number("mass", faults) {
+            let words = "a fixed ball has no mass: leave it out";
+            faults.value("mass", &mass.span, words);
+        }
+        return Some(f64::INFINITY);
+    }
+    let normal = |mass: f64| mass >= f64::MIN_POSITIVE;
+    let mass = table.number_where("mass", normal, "must be greater than 0", faults)?;
+    Some(mass.value)
 }
 
 fn read_sites(mut table: Table, path: &Path, faults: &mut Faults) -> Option<Sites> {
@@ -353,21 +339,22 @@ fn read_velocities(mut table: Table, faults: &mut Faults) -> Option<Velocities> 
 fn read_ball(mut table: Table, faults: &mut Faults) -> Option<Ball> {
     let name = table.text("name", faults).map(|name| name.value);
     let position = table.vector("position", faults);
-    let velocity = table
-        .vector("velocity", faults)
-        .map_or(DVec3::ZERO, |velocity| velocity.value);
+    let fixed = read_fixed(&mut table, faults);
+    let velocity = table.vector("velocity", faults);
+    if let Some(velocity) = velocity.as_ref().filter(|_| fixed) {
+        faults.add(velocity.span.start, FIXED_MOVES);
+    }
+    let velocity = velocity.map_or(DVec3::ZERO, |velocity| velocity.value);
     let radius = read_radius(&mut table, None, faults);
-    let mass = table.positive("mass", faults);
-    for (key, limit) in [
-        ("position", "[x, y, z]"),
-        ("radius", "must be greater than 0"),
-        ("mass", "must be greater than 0"),
-    ] {
-        table.missing(key, limit, faults);
+    let mass = read_mass(&mut table, fixed, faults);
+    table.missing("position", "[x, y, z]", faults);
+    table.missing("radius", "must be 0 or greater", faults);
+    if !fixed {
+        table.missing("mass", "must be greater than 0", faults);
     }
     let line = faults.line(table.span.start);
     table.finish(faults);
-    let (position, radius, mass) = (position?.value, radius?.value, mass?.value);
+    let (position, radius, mass) = (position?.value, radius?.value, mass?);
     Some(Ball {
         name,
         position,
@@ -421,13 +408,13 @@ fn unknown_engine() -> String {
 }
 
 /// A thousand rows until the end of the run; without an end, one row per nanosecond or per tenth of the unit of time.
-fn default_sample(until: Option<f64>, units: Option<Units>) -> f64 {
+pub(super) fn default_sample(until: Option<f64>, units: Option<Units>) -> f64 {
     let open_end = if units == Some(Units::Si) { 1e-9 } else { 0.1 };
     until.map_or(open_end, |until| until / 1000.0)
 }
 
 /// Far from the origin, positions are coarse; against a small ball's radius that would be felt.
-fn check_precision(scene: &Scene, size_at: usize, faults: &mut Faults) {
+pub(super) fn check_precision(scene: &Scene, size_at: usize, faults: &mut Faults) {
     let from_rows = scene
         .species
         .iter()
@@ -439,7 +426,9 @@ fn check_precision(scene: &Scene, size_at: usize, faults: &mut Faults) {
     let radii = radii
         .chain(from_rows.flatten().copied())
         .chain(scene.balls.iter().map(|ball| ball.radius));
-    let smallest = radii.fold(f64::INFINITY, f64::min);
+    let smallest = radii
+        .filter(|radius| *radius > 0.0)
+        .fold(f64::INFINITY, f64::min);
     let farthest = (scene.center.abs() + scene.domain.half_size).max_element();
     let step = farthest.next_up() - farthest;
     if !farthest.is_finite() || step > COARSEST_POSITION * smallest {
@@ -457,7 +446,7 @@ fn check_precision(scene: &Scene, size_at: usize, faults: &mut Faults) {
 }
 
 /// Each species fits by itself; together they must, too.
-fn check_memory(scene: &Scene, faults: &mut Faults) {
+pub(super) fn check_memory(scene: &Scene, faults: &mut Faults) {
     let needed = scene.ball_count() as u64 * memory::BYTES_PER_BALL;
     if let Some(free) = memory::available().filter(|&free| needed > free) {
         let (needed, free) = (needed as f64 / 1e9, free as f64 / 1e9);

@@ -11,29 +11,16 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
+use super::checks::{DEEPEST_IN_WALL, DEEPEST_OVERLAP, check, fault, images, in_plane, wrap};
 use super::contact_grid::ContactGrid;
 use super::reader::number;
 use super::{Cell, Rows, Scene, Sites, Species, Velocities};
+use crate::domain::Boundary;
 use crate::snapshot::Units;
 use crate::state::{Body, Placement};
 
-/// Deepest overlap that is taken for rounding and accepted, relative to the contact distance.
-const DEEPEST_OVERLAP: f64 = 1e-7;
-
-/// How far a ball may stand in a wall, relative to its radius.
-const DEEPEST_IN_WALL: f64 = 1e-9;
-
 /// Random sequential insertion gives up on a ball after this many tries.
 const MOST_TRIES: usize = 100_000;
-
-/// Enough overlapping pairs to stop looking for more.
-const MOST_OVERLAPS: usize = 1000;
-
-/// Speed of light \[m/s\]: a classical gas in SI units stays far below it. Source: the SI brochure, 9th edition (exact).
-const SPEED_OF_LIGHT: f64 = 299_792_458.0;
-
-/// Largest speed that can be squared without overflow, with room to spare.
-const LARGEST_SPEED: f64 = 1e150;
 
 /// Places the balls, or says in one line per fault why they cannot be placed.
 pub(super) fn place(scene: &Scene) -> Result<Placement, Vec<String>> {
@@ -41,9 +28,7 @@ pub(super) fn place(scene: &Scene) -> Result<Placement, Vec<String>> {
     let bodies = all_bodies(scene);
     let positions = all_positions(scene, &bodies, &mut random)?;
     let velocities = all_velocities(scene, &bodies, &mut random);
-    check_container(scene, &bodies, &positions)?;
-    check_overlaps(scene, &bodies, &positions)?;
-    check_speeds(scene, &velocities)?;
+    check(scene, &bodies, &positions, &velocities)?;
     let (bodies, body_of) = distinct(&bodies);
     Ok(Placement {
         domain: scene.domain.clone(),
@@ -109,6 +94,9 @@ fn all_positions(
         }
     }
     positions.extend(scene.balls.iter().map(|ball| ball.position));
+    for position in &mut positions {
+        *position = wrap(scene, *position);
+    }
     if !unplaced.is_empty() {
         // Large balls find room only while there are few others.
         let radius = |species: &Species| species.radius.expect("a random species has a radius");
@@ -146,12 +134,22 @@ fn lattice_spacing(
         );
         return Err(vec![fault(scene, species.line, &why)]);
     }
-    let extent = cell.extent(edge) * cell_edges + 2.0 * radius;
-    if (extent - size).max_element() > 2.0 * DEEPEST_IN_WALL * radius {
+    // In a periodic box whole cells follow one another through the faces.
+    let extent = match scene.domain.boundary {
+        Boundary::Periodic => edge as f64 * cell_edges,
+        Boundary::Container | Boundary::Open => cell.extent(edge) * cell_edges + 2.0 * radius,
+    };
+    let slack = 2.0 * DEEPEST_IN_WALL * radius + 4.0 * f64::EPSILON * size.max_element();
+    if (extent - size).max_element() > slack {
         let (extent, size) = (extent.max_element(), size.min_element());
         let why = format!(
-            "{key}: {edge} cells along an edge are {} long with the balls: must be at most {}",
+            "{key}: {edge} cells along an edge are {} long{}: must be at most {}",
             number(extent),
+            if scene.domain.boundary == Boundary::Periodic {
+                ""
+            } else {
+                " with the balls"
+            },
             number(size)
         );
         return Err(vec![fault(scene, species.line, &why)]);
@@ -175,18 +173,24 @@ fn insert_at_random(
     {
         grid.insert(index as u32, *position, bodies[index].radius);
     }
+    let largest = bodies
+        .iter()
+        .fold(0.0, |largest, body| body.radius.max(largest));
     for &(species, first) in unplaced {
         for index in first..first + species.count {
             let radius = bodies[index].radius;
-            let room = scene.domain.half_size - radius;
+            let room = match scene.domain.boundary {
+                Boundary::Periodic => scene.domain.half_size,
+                Boundary::Container | Boundary::Open => scene.domain.half_size - radius,
+            };
             let site = (0..MOST_TRIES).find_map(|_| {
                 let unit = DVec3::from_array(random.random::<[f64; 3]>());
                 let site = scene.center + (2.0 * unit - 1.0) * room;
-                let mut free = true;
-                grid.near(site, radius, |_, _, _| {
-                    free = false;
-                    false
-                });
+                let mut free = !(scene.domain.planes.iter())
+                    .any(|plane| in_plane(plane, site - scene.center, radius) >= 0.0);
+                for shift in images(scene, site, radius + largest) {
+                    free = free && grid.is_free(site + shift, radius);
+                }
                 free.then_some(site)
             });
             let Some(site) = site else {
@@ -245,110 +249,6 @@ fn draw(rule: Velocities, mass: f64, units: Units, random: &mut Xoshiro256PlusPl
     }
 }
 
-fn check_container(scene: &Scene, bodies: &[Body], positions: &[DVec3]) -> Result<(), Vec<String>> {
-    let half_size = scene.domain.half_size;
-    let mut outside = 0_usize;
-    let mut worst = (0.0, 0);
-    for (index, (position, body)) in positions.iter().zip(bodies).enumerate() {
-        let overshoot = ((*position - scene.center).abs() + body.radius - half_size).max_element();
-        if overshoot > DEEPEST_IN_WALL * body.radius {
-            outside += 1;
-            if overshoot > worst.0 {
-                worst = (overshoot, index);
-            }
-        }
-    }
-    if outside == 0 {
-        return Ok(());
-    }
-    let (overshoot, index) = worst;
-    let why = format!(
-        "{}: position = {}: reaches {} beyond the container: must be inside{}",
-        ball_name(scene, index),
-        show(positions[index]),
-        number(overshoot),
-        if outside > 1 {
-            format!(" ({outside} balls are not)")
-        } else {
-            String::new()
-        }
-    );
-    Err(vec![fault(scene, line_of(scene, index), &why)])
-}
-
-fn check_overlaps(scene: &Scene, bodies: &[Body], positions: &[DVec3]) -> Result<(), Vec<String>> {
-    let mut grid = ContactGrid::new(bodies.iter().map(|body| body.radius));
-    let mut overlapping = 0_usize;
-    let mut worst = (0.0, 0, 0);
-    for (index, (position, body)) in positions.iter().zip(bodies).enumerate() {
-        grid.near(*position, body.radius, |other, distance, contact| {
-            let depth = (contact - distance) / contact;
-            if depth > DEEPEST_OVERLAP {
-                overlapping += 1;
-                if depth > worst.0 {
-                    worst = (depth, other as usize, index);
-                }
-            }
-            overlapping < MOST_OVERLAPS
-        });
-        if overlapping >= MOST_OVERLAPS {
-            break;
-        }
-        grid.insert(index as u32, *position, body.radius);
-    }
-    if overlapping == 0 {
-        return Ok(());
-    }
-    let (depth, first, second) = worst;
-    let names = format!(
-        "{} and {}",
-        ball_name(scene, first),
-        ball_name(scene, second)
-    );
-    let found = if positions[first] == positions[second] {
-        format!("{names}: position = {} of both", show(positions[first]))
-    } else {
-        format!(
-            "{names}: overlap = {} of the contact distance",
-            number(depth)
-        )
-    };
-    let others = match overlapping {
-        1 => String::new(),
-        MOST_OVERLAPS => format!(" (at least {overlapping} pairs overlap)"),
-        _ => format!(" ({overlapping} pairs overlap)"),
-    };
-    let limit = format!("must overlap by at most {DEEPEST_OVERLAP:e}");
-    let why = format!("{found}: {limit}{others}");
-    Err(vec![fault(scene, line_of(scene, second), &why)])
-}
-
-fn check_speeds(scene: &Scene, velocities: &[DVec3]) -> Result<(), Vec<String>> {
-    let limit = if scene.units == Units::Si {
-        SPEED_OF_LIGHT
-    } else {
-        LARGEST_SPEED
-    };
-    let Some(index) = velocities
-        .iter()
-        .position(|v| !v.abs().cmplt(DVec3::splat(limit)).all())
-    // also true of NaN
-    else {
-        return Ok(());
-    };
-    let why = format!(
-        "{}: velocity = {}: each component must be below {limit:e}{}",
-        ball_name(scene, index),
-        show(velocities[index]),
-        if scene.units == Units::Si {
-            ", the speed of light"
-        } else {
-            ""
-        }
-    );
-    Err(vec![fault(scene, line_of(scene, index), &why)])
-}
-
 /// The different bodies in the order of their first ball, and the body of each ball unless all are alike.
 fn distinct(all: &[Body]) -> (Vec<Body>, Vec<u32>) {
     let mut bodies: Vec<Body> = Vec::new();
@@ -365,56 +265,4 @@ fn distinct(all: &[Body]) -> (Vec<Body>, Vec<u32>) {
         body_of = Vec::new();
     }
     (bodies, body_of)
-}
-
-fn fault(scene: &Scene, line: usize, why: &str) -> String {
-    format!("{}:{line}: {why}", scene.path.display())
-}
-
-fn show(vector: DVec3) -> String {
-    format!(
-        "[{}, {}, {}]",
-        number(vector.x),
-        number(vector.y),
-        number(vector.z)
-    )
-}
-
-/// The species or the explicit ball that a ball comes from, and its number there.
-fn origin(scene: &Scene, index: usize) -> (Result<&Species, &super::Ball>, usize) {
-    let mut rest = index;
-    for species in &scene.species {
-        if rest < species.count {
-            return (Ok(species), rest);
-        }
-        rest -= species.count;
-    }
-    (Err(&scene.balls[rest]), rest)
-}
-
-fn line_of(scene: &Scene, index: usize) -> usize {
-    match origin(scene, index).0 {
-        Ok(species) => species.line,
-        Err(ball) => ball.line,
-    }
-}
-
-/// "ball 3 of O2", "ball pollen", counted from one.
-fn ball_name(scene: &Scene, index: usize) -> String {
-    match origin(scene, index) {
-        (
-            Ok(Species {
-                name: Some(name), ..
-            }),
-            rest,
-        ) => format!("ball {} of {name}", rest + 1),
-        (
-            Err(super::Ball {
-                name: Some(name), ..
-            }),
-            _,
-        ) => format!("ball {name}"),
-        (Ok(_), _) => format!("ball {}", index + 1),
-        (Err(_), rest) => format!("[[ball]] {}", rest + 1),
-    }
 }

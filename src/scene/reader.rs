@@ -221,6 +221,31 @@ impl<'t> Table<'t> {
         })
     }
 
+    /// Yes or no.
+    pub(super) fn flag(&mut self, key: &'static str, faults: &mut Faults) -> Option<At<bool>> {
+        let entry = self.get(key)?;
+        let flag = entry.get_ref().as_bool();
+        if flag.is_none() {
+            faults.value(key, &entry.span(), "must be true or false");
+        }
+        flag.map(|value| At {
+            value,
+            span: entry.span(),
+        })
+    }
+
+    /// Why a number that reads as zero is not what was typed: it has digits other than 0, and is too small.
+    pub(super) fn underflow(&self, key: &str) -> Option<&'static str> {
+        let DeValue::Float(digits) = self.entries.get(key)?.get_ref() else {
+            return None;
+        };
+        let typed = digits.as_str();
+        let mantissa = typed.split(['e', 'E']).next().unwrap_or(typed);
+        let lost =
+            typed.parse::<f64>() == Ok(0.0) && mantissa.contains(|x| ('1'..='9').contains(&x));
+        lost.then_some("is smaller than the smallest number, 2.2e-308")
+    }
+
     /// A piece of text.
     pub(super) fn text(&mut self, key: &'static str, faults: &mut Faults) -> Option<At<String>> {
         let entry = self.get(key)?;

@@ -24,6 +24,24 @@ pub struct Rows {
     pub masses: Option<Vec<f64>>,
 }
 
+/// Which numbers are good, and that in words.
+pub(super) type Limit = (fn(f64) -> bool, &'static str);
+
+/// Any number but infinities and NaN.
+pub(super) const FINITE: Limit = (f64::is_finite, "must be a finite number");
+
+/// A radius; 0 is a point.
+pub(super) const RADIUS: Limit = (
+    |radius| radius.is_finite() && (radius == 0.0 || radius >= f64::MIN_POSITIVE),
+    "must be a finite number, 0 or greater",
+);
+
+/// A mass; infinite for a ball that never moves.
+pub(super) const MASS: Limit = (
+    |mass| mass >= f64::MIN_POSITIVE,
+    "must be greater than 0, or inf for a ball that never moves",
+);
+
 /// Columns that are known and not needed here.
 const IGNORED: [&str; 2] = ["index", "collisions"];
 
@@ -85,17 +103,11 @@ pub(super) fn read(path: &Path) -> Result<Rows, Vec<String>> {
                 path.display()
             )]);
         }
-        let mut number = |column: usize, least: f64| {
+        let mut number = |column: usize, (accept, limit): Limit| {
             let cell = &record[column];
-            let value = cell.parse::<f64>().ok().filter(|value| value.is_finite());
-            if let Some(value) = value.filter(|value| *value > least) {
+            if let Some(value) = cell.parse::<f64>().ok().filter(|value| accept(*value)) {
                 return value;
             }
-            let limit = if value.is_some() {
-                "must be greater than 0"
-            } else {
-                "must be a finite number"
-            };
             let shown: String = cell.chars().take(40).collect();
             faults.push(format!(
                 "{}:{line}: {} = {shown}: {limit}",
@@ -104,18 +116,18 @@ pub(super) fn read(path: &Path) -> Result<Rows, Vec<String>> {
             ));
             1.0
         };
-        let vector = |columns: &[usize], number: &mut dyn FnMut(usize, f64) -> f64| {
-            DVec3::from_array([0, 1, 2].map(|axis| number(columns[axis], f64::NEG_INFINITY)))
+        let vector = |columns: &[usize], number: &mut dyn FnMut(usize, Limit) -> f64| {
+            DVec3::from_array([0, 1, 2].map(|axis| number(columns[axis], FINITE)))
         };
         rows.positions.push(vector(&columns[0], &mut number));
         if let Some(velocities) = &mut rows.velocities {
             velocities.push(vector(&columns[1], &mut number));
         }
         if let Some(radii) = &mut rows.radii {
-            radii.push(number(columns[2][0], 0.0));
+            radii.push(number(columns[2][0], RADIUS));
         }
         if let Some(masses) = &mut rows.masses {
-            masses.push(number(columns[3][0], 0.0));
+            masses.push(number(columns[3][0], MASS));
         }
         if faults.len() >= MOST_FAULTS {
             break;
@@ -174,7 +186,7 @@ mod tests {
             "x,y,z,radius\n1,nan,0,1\n0,0,0,-1\n",
             &[
                 "balls.csv:2: y = nan: must be a finite number",
-                "balls.csv:3: radius = -1: must be greater than 0",
+                "balls.csv:3: radius = -1: must be a finite number, 0 or greater",
             ],
         );
     }

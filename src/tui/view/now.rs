@@ -99,6 +99,7 @@ pub(super) fn panel(_app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Bu
 pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
     let units = snapshot.scene.units;
     let pressure = snapshot.pressure;
+    let measured = pressure.wall.or(pressure.virial); // a periodic box has no walls
     let expected = snapshot.expected;
     let history = |value: fn(&HistoryPoint) -> f64, expected: Option<f64>| Series {
         points: snapshot
@@ -124,12 +125,11 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
     };
     let pressure = Entry {
         label: "pressure",
-        value: with_error(pressure.wall, pressure.standard_error, "Pa", units),
+        value: with_error(measured, pressure.standard_error, "Pa", units),
         theory: beside(expected.pressure, &|value| {
             quantity(Some(value), "Pa", units, 5)
         }),
-        remark: sigmas(pressure.wall, expected.pressure, pressure.standard_error)
-            .unwrap_or_default(),
+        remark: sigmas(measured, expected.pressure, pressure.standard_error).unwrap_or_default(),
         series: history(|point| point.pressure, expected.pressure),
         axis: axis("Pa"),
     };

@@ -5,6 +5,7 @@ use crate::state::{State, Time};
 
 pub mod contact;
 pub mod event_driven;
+pub mod reversible;
 pub mod windowed;
 
 /// What moves a gas forward in time: a function of its state, which alone decides what comes next.
@@ -50,6 +51,8 @@ pub struct Counters {
     pub ties: u64,
     /// Collisions of a ball at the same instant as its own collision before.
     pub zero_time_events: u64,
+    /// Collisions that a reversed run may not find again; zero in every engine that does not promise exact reversal.
+    pub irreversible_events: u64,
     /// Most events ever in the calendar.
     pub queue_length_max: u64,
 }

@@ -1,0 +1,378 @@
+//! Engine `reversible`: the event-driven engine on integers, so that time can be reversed exactly.
+//!
+//! Positions, velocities and times are integers ([`fixed`]). Free flight `x += v n` is exact, walls negate a component, and the
+//! collision of two balls is an involution that commutes with reversal ([`involution`]). Events happen at the last tick before
+//! an overlap ([`flight`]); a collision mirrors the next step into the previous one, so after a reversal every event is found
+//! again at the mirrored tick, and every bit of the state comes back.
+//!
+//! What always holds: [`State`] is the gas rounded to f64, each trajectory made from the integers when its flight begins.
+//! Cells, quick rejections, observers and screens read it; what happens follows from the integers alone. Cells, candidates
+//! and calendar work as in [`crate::engine::event_driven`].
+//!
+//! Where reversal could fail: two events of one ball at the same tick have to be undone in the opposite order, and rounding
+//! could spoil a mirrored step. Both are looked for at every event and counted ([`Counters::irreversible_events`]); as long as
+//! there are none, reversal is exact. By chance they do not occur (a tick is 2^-49 epochs); symmetric scenes can have them.
+//!
+//! Source: exact reversal on integers after Levesque & Verlet (J. Stat. Phys. 72, 519, 1993); the events of hard spheres and
+//! the rule of the last tick before contact derived here.
+
+pub mod fixed;
+pub mod flight;
+pub mod gas;
+pub mod involution;
+mod search;
+pub mod wide;
+
+use crate::calendar::Calendar;
+use crate::cell_list::CellList;
+use crate::collision::wall_time;
+use crate::domain::Boundary;
+use crate::engine::contact::InstantWatch;
+use crate::engine::{Counters, Engine, Stuck};
+use crate::event::{Collision, Event, EventKind, Participants, Wall};
+use crate::state::{State, Time};
+use fixed::{Refusal, axis_of, epoch_start, epochs, time_of};
+use flight::{Flight, Origin};
+use gas::{Gas, Words};
+use search::{Candidate, Search};
+
+/// Epochs after which the calendar's base moves on. Times up to 16 epochs from the base are exact in the calendar.
+const REBASE_AFTER: f64 = 4.0;
+
+/// Cell width in mean spacings of the balls, as in the event-driven engine.
+const SPACINGS_PER_CELL: f64 = 1.5;
+
+/// Cell width in mean diameters, at least.
+const DIAMETERS_PER_CELL: f64 = 1.75;
+
+/// The reversible engine.
+#[derive(Clone, Debug)]
+pub struct Reversible {
+    gas: Gas,
+    /// Whether any two balls can collide; if not, there is nothing to look for and no cell to cross.
+    interacting: bool,
+    cells: CellList,
+    calendar: Calendar,
+    /// The epoch from which the calendar counts.
+    base: u64,
+    candidates: Vec<Candidate>,
+    instants: InstantWatch,
+    counters: Counters,
+}
+
+impl Reversible {
+    /// Rounds the gas to integers and predicts the first events of every ball.
+    ///
+    /// # Errors
+    /// [`Refusal`] if the scene cannot be run exactly.
+    pub fn new(state: State) -> Result<Self, Refusal> {
+        let count = state.ball_count().max(1) as f64;
+        let spacing = (state.domain.volume() / count).cbrt();
+        let width = (SPACINGS_PER_CELL * spacing)
+            .max(DIAMETERS_PER_CELL * 2.0 * state.bodies.mean_radius());
+        Self::with_cell_width(state, width)
+    }
+
+    /// Like [`Self::new`], with cells at least `width` wide \[length\]. The collisions do not depend on it, their cost does.
+    ///
+    /// # Errors
+    /// [`Refusal`] if the scene cannot be run exactly.
+    pub fn with_cell_width(state: State, width: f64) -> Result<Self, Refusal> {
+        let count = state.ball_count();
+        let interacting = state.bodies.largest_radius() > 0.0 && count > 1;
+        let mut engine = Self {
+            cells: CellList::new(&state.domain, width, if interacting { count } else { 0 }),
+            calendar: Calendar::new(count),
+            base: 0,
+            candidates: Vec::new(),
+            instants: InstantWatch::new(count),
+            counters: Counters::default(),
+            interacting,
+            gas: Gas::new(state)?,
+        };
+        engine.predict_everything();
+        Ok(engine)
+    }
+
+    /// Position and velocity of every ball at the present in integer units: the words that a reversal brings back. In a
+    /// periodic box the position counts the boxes moved on, modulo 2^128.
+    pub fn words(&self) -> Vec<Words> {
+        self.gas.words()
+    }
+
+    /// Makes cells, candidates and calendar from the gas alone.
+    fn predict_everything(&mut self) {
+        let count = self.gas.flights.len();
+        self.candidates.clear();
+        self.candidates.resize(count, Candidate::NONE);
+        if self.interacting {
+            let state = &self.gas.state;
+            self.cells = CellList::new(&state.domain, self.cells.width(), count);
+            for ball in 0..count {
+                let position = state.trajectories[ball].position_at(state.now);
+                self.cells.push(position, state.bodies.of(ball).radius);
+                // It looks among the balls before it; those after it will look for it.
+                self.candidates[ball] = self.search(ball, None).best;
+            }
+        }
+        self.rebase(self.gas.state.now.epoch);
+    }
+
+    /// Moves the calendar's base to a later epoch.
+    fn rebase(&mut self, epoch: u64) {
+        self.base = epoch;
+        let mut calendar = std::mem::replace(&mut self.calendar, Calendar::new(0));
+        calendar.rebuild((0..self.gas.flights.len()).filter_map(|ball| self.next_event(ball)));
+        self.calendar = calendar;
+        self.note_queue_length();
+    }
+
+    fn note_queue_length(&mut self) {
+        let length = self.calendar.len() as u64;
+        self.counters.queue_length_max = self.counters.queue_length_max.max(length);
+    }
+
+    /// The earliest of a ball's crossings, walls, planes and known pair collision.
+    #[inline]
+    fn next_event(&self, ball: usize) -> Option<Event> {
+        let state = &self.gas.state;
+        let trajectory = &state.trajectories[ball];
+        let radius = state.bodies.of(ball).radius;
+        let begin = trajectory.begin.relative_to(self.base);
+        let after_base = |tick: i128| epochs(tick - epoch_start(self.base));
+        let mut next = (f64::INFINITY, EventKind::Crossing { axis: 0 });
+        let mut offer = |time: f64, kind: EventKind| {
+            if time < next.0 {
+                next = (time, kind);
+            }
+        };
+        for axis in 0..3 {
+            let crossing = if self.interacting {
+                self.cells.crossing(ball, trajectory, radius, axis)
+            } else {
+                None
+            };
+            if let Some(flight) = crossing {
+                offer(begin + flight, EventKind::Crossing { axis });
+            }
+            let speed = trajectory.velocity[axis];
+            let wall = Wall {
+                axis,
+                upper: speed > 0.0,
+            };
+            if state.domain.boundary == Boundary::Periodic {
+                // By which of its images a ball is called changes nothing, so a rounded time will do.
+                let face = state.domain.half_size[axis].copysign(speed);
+                if let Some(time) = wall_time(trajectory, axis, face) {
+                    offer(time.relative_to(self.base), EventKind::Wall(wall));
+                }
+            } else if crossing.is_none()
+                && let Some(tick) = self.gas.wall_tick(ball, wall)
+            {
+                offer(after_base(tick), EventKind::Wall(wall));
+            }
+        }
+        for plane in 0..state.domain.planes.len() {
+            if let Some(tick) = self.gas.plane_tick(ball, plane) {
+                let plane = plane as u32;
+                offer(after_base(tick), EventKind::Plane { plane });
+            }
+        }
+        // Walls and planes at the same instant come first, as the order of events has it.
+        let Candidate { tick, partner, .. } = self.candidates[ball];
+        if partner != u32::MAX {
+            offer(after_base(tick), EventKind::Pair { partner });
+        }
+        let now = state.now.relative_to(self.base);
+        (next.0 < f64::INFINITY).then(|| Event::new(next.0.max(now), ball as u32, next.1))
+    }
+
+    #[inline]
+    fn schedule(&mut self, ball: usize) {
+        match self.next_event(ball) {
+            Some(event) => self.calendar.set(event),
+            None => self.calendar.remove(ball as u32),
+        }
+    }
+
+    /// A ball reaches into new cells: it looks for partners there.
+    #[inline]
+    fn cross(&mut self, ball: usize, axis: usize) {
+        self.counters.cell_crossings += 1;
+        let gas = &self.gas;
+        let trajectory = gas.state.trajectories[ball];
+        let place = (trajectory.position_at(gas.state.now), trajectory.velocity);
+        let radius = gas.state.bodies.of(ball).radius;
+        let mut search = Search::new(ball, self.candidates[ball], None);
+        self.cells
+            .cross(ball, place, radius, axis, |cells, company| {
+                search.look(gas, cells, company);
+            });
+        self.candidates[ball] = search.best;
+        self.schedule(ball);
+    }
+
+    /// A ball turns at a wall or a plane that is perpendicular to `axis`.
+    fn bounce(
+        &mut self,
+        ball: usize,
+        axis: usize,
+        participants: Participants,
+        report: &mut dyn FnMut(&Collision),
+    ) -> Result<(), Stuck> {
+        let before = self.gas.flights[ball];
+        let collision = self.gas.bounce(ball, axis, participants);
+        self.note(&collision, &[(ball, before)])?;
+        let search = self.look_around(ball, None);
+        // Bounces along different axes may be undone in any order.
+        let tied = before.since == self.gas.now() && before.origin == Origin::Ball;
+        self.counters.irreversible_events += u64::from(tied || search.disturbed);
+        report(&collision);
+        Ok(())
+    }
+
+    /// The pair collision that `ball` knows of is due; it happens if it still holds.
+    fn meet(
+        &mut self,
+        ball: usize,
+        partner: usize,
+        report: &mut dyn FnMut(&Collision),
+    ) -> Result<(), Stuck> {
+        let Candidate { tick, image, .. } = self.candidates[ball];
+        let approach = self.gas.approach(ball, partner, image);
+        if approach.meeting() != Some(tick) {
+            self.counters.stale_events += 1;
+            self.look_again(ball, None);
+            return Ok(());
+        }
+        self.counters.late_events += u64::from(time_of(tick) < self.gas.state.now);
+        let before = [ball, partner].map(|one| self.gas.flights[one]);
+        let collision = self.gas.collide([ball, partner], &approach, tick);
+        self.note(&collision, &[(ball, before[0]), (partner, before[1])])?;
+        let tied = |flight: &Flight| flight.since == tick && flight.origin != Origin::Start;
+        let mut reversible = !before.iter().any(tied);
+        for (one, other) in [(ball, partner), (partner, ball)] {
+            let search = self.look_around(one, Some(other));
+            reversible &= search.parts && !search.disturbed && !self.gas.turns_when_reversed(one);
+        }
+        self.counters.irreversible_events += u64::from(!reversible);
+        report(&collision);
+        Ok(())
+    }
+
+    /// Counts a collision of balls that had flown these flights.
+    fn note(&mut self, collision: &Collision, balls: &[(usize, Flight)]) -> Result<(), Stuck> {
+        let counter = match collision.participants {
+            Participants::Pair(..) => &mut self.counters.pair_collisions,
+            Participants::Plane(..) => &mut self.counters.plane_collisions,
+            Participants::Wall(..) | Participants::Face(..) => &mut self.counters.wall_collisions,
+        };
+        *counter += 1;
+        let begin =
+            |flight: Flight| (flight.origin != Origin::Start).then(|| time_of(flight.since));
+        let mut begins = [(0, None); 2];
+        for (known, &(ball, flight)) in begins.iter_mut().zip(balls) {
+            *known = (ball, begin(flight));
+        }
+        self.instants
+            .note(collision, &begins[..balls.len()], &mut self.counters)
+    }
+
+    /// After a change of course: finds the ball's cells and its next collision anew.
+    fn look_around(&mut self, ball: usize, partner: Option<usize>) -> Search {
+        if self.interacting {
+            let state = &self.gas.state;
+            let position = state.trajectories[ball].position;
+            self.cells
+                .relocate(ball, position, state.bodies.of(ball).radius);
+        }
+        self.look_again(ball, partner)
+    }
+
+    /// Finds a ball's next collision anew.
+    fn look_again(&mut self, ball: usize, partner: Option<usize>) -> Search {
+        let search = self.search(ball, partner);
+        self.candidates[ball] = search.best;
+        self.schedule(ball);
+        self.note_queue_length();
+        search
+    }
+
+    fn search(&self, ball: usize, partner: Option<usize>) -> Search {
+        let mut search = Search::new(ball, Candidate::NONE, partner);
+        if self.interacting {
+            self.cells.for_each_company(ball, |company| {
+                search.look(&self.gas, &self.cells, company);
+            });
+        }
+        search
+    }
+}
+
+impl Engine for Reversible {
+    fn name(&self) -> &'static str {
+        "reversible"
+    }
+
+    fn advance(&mut self, until: Time, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck> {
+        while let Some(event) = self.calendar.first() {
+            if event.time >= REBASE_AFTER {
+                let next = self.base.saturating_add(event.time as u64).min(until.epoch);
+                if next > self.base {
+                    self.rebase(next);
+                    continue;
+                }
+            }
+            if event.time > until.relative_to(self.base) {
+                break;
+            }
+            let whole = event.time as u64;
+            self.gas.state.now = Time {
+                epoch: self.base + whole,
+                local: event.time - whole as f64,
+            };
+            let ball = event.ball as usize;
+            match event.kind() {
+                EventKind::Crossing { axis } => self.cross(ball, axis),
+                EventKind::Wall(face) if self.gas.state.domain.boundary == Boundary::Periodic => {
+                    report(&self.gas.leave_box(ball, face));
+                    self.look_around(ball, None);
+                }
+                EventKind::Wall(wall) => {
+                    let participants = Participants::Wall(event.ball, wall);
+                    self.bounce(ball, wall.axis, participants, report)?;
+                }
+                EventKind::Plane { plane } => {
+                    let axis = axis_of(&self.gas.state.domain.planes[plane as usize])
+                        .expect("planes are perpendicular to an axis");
+                    let participants = Participants::Plane(event.ball, plane);
+                    self.bounce(ball, axis, participants, report)?;
+                }
+                EventKind::Pair { partner } => self.meet(ball, partner as usize, report)?,
+            }
+        }
+        if until > self.gas.state.now {
+            self.gas.state.now = until;
+        }
+        Ok(())
+    }
+
+    fn state(&self) -> &State {
+        &self.gas.state
+    }
+
+    /// At the present. What happened at this very tick is done again, as the mirror has it: first thing in the next advance.
+    fn reverse(&mut self) {
+        self.gas.reverse();
+        self.instants.clear();
+        self.predict_everything();
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    fn queue_length(&self) -> usize {
+        self.calendar.len()
+    }
+}

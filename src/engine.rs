@@ -22,6 +22,9 @@ pub trait Engine: Send {
     /// The gas.
     fn state(&self) -> &State;
 
+    /// Makes the state as exact as the engine knows it, for an engine that knows more than the state; changes no event.
+    fn settle(&mut self) {}
+
     /// Negates all velocities.
     fn reverse(&mut self);
 

@@ -91,6 +91,11 @@ impl Reversible {
             gas: Gas::new(state)?,
         };
         engine.predict_everything();
+        // Balls that overlap, or part from a touch just as the run starts, would collide there in a reversed run.
+        let disturbed = |&ball: &usize| {
+            engine.search(ball, None).disturbed || engine.gas.turns_when_reversed(ball)
+        };
+        engine.counters.irreversible_events = (0..count).filter(disturbed).count() as u64;
         Ok(engine)
     }
 
@@ -98,6 +103,25 @@ impl Reversible {
     /// periodic box the position counts the boxes moved on, modulo 2^128.
     pub fn words(&self) -> Vec<Words> {
         self.gas.words()
+    }
+
+    /// A 64-bit hash of those words.
+    ///
+    /// Source: FNV-1a (Fowler, Noll, Vo; RFC 9923), on words instead of bytes and with a rotation.
+    pub fn hash(&self) -> u64 {
+        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+        let mut add =
+            |word: u64| hash = (hash ^ word).wrapping_mul(0x0100_0000_01b3).rotate_left(29);
+        for (position, velocity) in self.words() {
+            for component in position {
+                add(component as u64);
+                add((component >> 64) as u64);
+            }
+            velocity
+                .iter()
+                .for_each(|component| add(component.cast_unsigned()));
+        }
+        hash
     }
 
     /// Makes cells, candidates and calendar from the gas alone.
@@ -359,6 +383,10 @@ impl Engine for Reversible {
 
     fn state(&self) -> &State {
         &self.gas.state
+    }
+
+    fn settle(&mut self) {
+        self.gas.settle();
     }
 
     /// At the present. What happened at this very tick is done again, as the mirror has it: first thing in the next advance.

@@ -98,6 +98,12 @@ impl Approach {
         self.after(tick - self.since)
     }
 
+    /// Whether the balls overlap at the begin, as they may at the start of a run and never later.
+    #[inline]
+    pub fn overlaps(&self) -> bool {
+        self.beyond(0) < 0.0
+    }
+
     /// Distance between the surfaces over the contact distance at a tick.
     pub fn gap_at(&self, tick: i128) -> f64 {
         let contact = self.contact as f64;
@@ -113,10 +119,10 @@ impl Approach {
         if !(radial < 0.0) {
             return None;
         }
-        let beyond = self.beyond(0);
-        if beyond < 0.0 {
+        if self.overlaps() {
             return Some(self.since);
         }
+        let beyond = self.beyond(0);
         // |r|^2 - contact^2 = beyond + 2 radial t + speed^2 t^2
         let speed_squared = self.speed_squared();
         let discriminant = radial * radial - speed_squared * beyond;

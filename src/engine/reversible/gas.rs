@@ -77,6 +77,15 @@ impl Gas {
         tick_of(self.state.now)
     }
 
+    /// Makes every trajectory begin at the present: the integers' positions there, rounded. Changes no flight.
+    pub fn settle(&mut self) {
+        let now = self.now();
+        for ball in 0..self.flights.len() {
+            self.flights[ball].refer_to(now);
+            self.round(ball);
+        }
+    }
+
     /// Negates all velocities at the present.
     pub fn reverse(&mut self) {
         let now = self.now();

@@ -46,7 +46,7 @@ pub struct Search {
     pub best: Candidate,
     /// Whether that partner is seen to part from it, as a reversed run must see it.
     pub parts: bool,
-    /// Whether another ball is seen to part from it, which a reversed run would take for a collision.
+    /// Whether another ball is seen to part from it, which a reversed run would take for a collision, or to overlap with it.
     pub disturbed: bool,
 }
 
@@ -97,11 +97,14 @@ impl Search {
     #[inline(never)]
     fn consider(&mut self, gas: &Gas, other: u32, image: [i8; 3]) {
         let approach = gas.approach(self.ball, other as usize, image);
+        // What began earlier has been judged then.
+        let begins = approach.since() == gas.now();
+        if begins && approach.overlaps() {
+            self.disturbed = true;
+        }
         if approach.parts() {
-            // Pairs that parted earlier have been judged then.
-            let now = approach.since() == gas.now();
-            self.parts |= now && other == self.partner;
-            self.disturbed |= now && other != self.partner;
+            self.parts |= begins && other == self.partner;
+            self.disturbed |= begins && other != self.partner;
         } else if let Some(tick) = approach.meeting()
             && (tick < self.best.tick || (tick == self.best.tick && self.precedes_best(other)))
         {

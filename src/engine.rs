@@ -54,8 +54,10 @@ pub struct Counters {
     pub ties: u64,
     /// Collisions of a ball at the same instant as its own collision before.
     pub zero_time_events: u64,
-    /// Collisions that a reversed run may not find again; zero in every engine that does not promise exact reversal.
-    pub irreversible_events: u64,
+    /// Collisions that had to be remembered because a reversed run could not find them: several of one ball at one instant.
+    pub remembered_events: u64,
+    /// Balls that overlap, or part from a touch, just as the run starts: at that instant a reversed run takes it for a collision.
+    pub irreversible_starts: u64,
     /// Most events ever in the calendar.
     pub queue_length_max: u64,
 }

@@ -9,19 +9,20 @@
 //! Cells, quick rejections, observers and screens read it; what happens follows from the integers alone. Cells, candidates
 //! and calendar work as in [`crate::engine::event_driven`].
 //!
-//! Where reversal could fail: two events of one ball at the same tick have to be undone in the opposite order, and rounding
-//! could spoil a mirrored step. Both are looked for at every event and counted ([`Counters::irreversible_events`]); as long as
-//! there are none, reversal is exact. By chance they do not occur (a tick is 2^-49 epochs); symmetric scenes can have them.
+//! Two events of one ball at the same tick have to be undone in the opposite order, which a reversed run could not know, and
+//! rounding could spoil a mirrored step. Both are looked for at every event, counted and remembered ([`memory`]). By chance they do
+//! not occur (a tick is 2^-49 epochs); symmetric scenes have them.
 //!
 //! Source: exact reversal on integers after Levesque & Verlet (J. Stat. Phys. 72, 519, 1993); the events of hard spheres and
 //! the rule of the last tick before contact derived here.
 
-pub mod fixed;
-pub mod flight;
-pub mod gas;
-pub mod involution;
+mod fixed;
+mod flight;
+mod gas;
+mod involution;
+mod memory;
 mod search;
-pub mod wide;
+mod wide;
 
 use crate::calendar::Calendar;
 use crate::cell_list::CellList;
@@ -31,10 +32,14 @@ use crate::engine::contact::InstantWatch;
 use crate::engine::{Counters, Engine, Stuck};
 use crate::event::{Collision, Event, EventKind, Participants, Wall};
 use crate::state::{State, Time};
-use fixed::{Refusal, axis_of, epoch_start, epochs, time_of};
-use flight::{Flight, Origin};
-use gas::{Gas, Words};
+use fixed::{axis_of, epoch_start, epochs, tick_of, time_of};
+use flight::Origin;
+use gas::Gas;
+use memory::{Deed, Memory};
 use search::{Candidate, Search};
+
+pub use fixed::Refusal;
+pub use gas::Words;
 
 /// Epochs after which the calendar's base moves on. Times up to 16 epochs from the base are exact in the calendar.
 const REBASE_AFTER: f64 = 4.0;
@@ -57,6 +62,7 @@ pub struct Reversible {
     base: u64,
     candidates: Vec<Candidate>,
     instants: InstantWatch,
+    memory: Memory,
     counters: Counters,
 }
 
@@ -86,6 +92,7 @@ impl Reversible {
             base: 0,
             candidates: Vec::new(),
             instants: InstantWatch::new(count),
+            memory: Memory::default(),
             counters: Counters::default(),
             interacting,
             gas: Gas::new(state)?,
@@ -95,7 +102,7 @@ impl Reversible {
         let disturbed = |&ball: &usize| {
             engine.search(ball, None).disturbed || engine.gas.turns_when_reversed(ball)
         };
-        engine.counters.irreversible_events = (0..count).filter(disturbed).count() as u64;
+        engine.counters.irreversible_starts = (0..count).filter(disturbed).count() as u64;
         Ok(engine)
     }
 
@@ -117,9 +124,9 @@ impl Reversible {
                 add(component as u64);
                 add((component >> 64) as u64);
             }
-            velocity
-                .iter()
-                .for_each(|component| add(component.cast_unsigned()));
+            for component in velocity {
+                add(component.cast_unsigned());
+            }
         }
         hash
     }
@@ -163,7 +170,6 @@ impl Reversible {
         let trajectory = &state.trajectories[ball];
         let radius = state.bodies.of(ball).radius;
         let begin = trajectory.begin.relative_to(self.base);
-        let after_base = |tick: i128| epochs(tick - epoch_start(self.base));
         let mut next = (f64::INFINITY, EventKind::Crossing { axis: 0 });
         let mut offer = |time: f64, kind: EventKind| {
             if time < next.0 {
@@ -193,22 +199,28 @@ impl Reversible {
             } else if crossing.is_none()
                 && let Some(tick) = self.gas.wall_tick(ball, wall)
             {
-                offer(after_base(tick), EventKind::Wall(wall));
+                offer(self.relative(tick), EventKind::Wall(wall));
             }
         }
         for plane in 0..state.domain.planes.len() {
             if let Some(tick) = self.gas.plane_tick(ball, plane) {
                 let plane = plane as u32;
-                offer(after_base(tick), EventKind::Plane { plane });
+                offer(self.relative(tick), EventKind::Plane { plane });
             }
         }
         // Walls and planes at the same instant come first, as the order of events has it.
         let Candidate { tick, partner, .. } = self.candidates[ball];
         if partner != u32::MAX {
-            offer(after_base(tick), EventKind::Pair { partner });
+            offer(self.relative(tick), EventKind::Pair { partner });
         }
         let now = state.now.relative_to(self.base);
         (next.0 < f64::INFINITY).then(|| Event::new(next.0.max(now), ball as u32, next.1))
+    }
+
+    /// A tick in epochs from the calendar's base.
+    #[inline]
+    fn relative(&self, tick: i128) -> f64 {
+        epochs(tick - epoch_start(self.base))
     }
 
     #[inline]
@@ -244,13 +256,18 @@ impl Reversible {
         participants: Participants,
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
+        let now = self.gas.now();
         let before = self.gas.flights[ball];
-        let collision = self.gas.bounce(ball, axis, participants);
-        self.note(&collision, &[(ball, before)])?;
+        let deed = Deed::Bounce {
+            ball,
+            axis,
+            participants,
+        };
+        let collision = self.execute(deed)?;
         let search = self.look_around(ball, None);
         // Bounces along different axes may be undone in any order.
-        let tied = before.since == self.gas.now() && before.origin == Origin::Ball;
-        self.counters.irreversible_events += u64::from(tied || search.disturbed);
+        let tied = before.since == now && before.origin == Origin::Ball;
+        self.remember(now, deed, tied || search.disturbed);
         report(&collision);
         Ok(())
     }
@@ -269,37 +286,74 @@ impl Reversible {
             self.look_again(ball, None);
             return Ok(());
         }
-        self.counters.late_events += u64::from(time_of(tick) < self.gas.state.now);
-        let before = [ball, partner].map(|one| self.gas.flights[one]);
-        let collision = self.gas.collide([ball, partner], &approach, tick);
-        self.note(&collision, &[(ball, before[0]), (partner, before[1])])?;
-        let tied = |flight: &Flight| flight.since == tick && flight.origin != Origin::Start;
-        let mut reversible = !before.iter().any(tied);
+        let now = self.gas.now();
+        self.counters.late_events += u64::from(tick < now);
+        let tied = |ball: usize| {
+            let before = &self.gas.flights[ball];
+            before.since == now && before.origin != Origin::Start
+        };
+        let mut keep = tied(ball) || tied(partner);
+        let deed = Deed::Pair {
+            balls: [ball, partner],
+            separation: approach.separation_at(now),
+        };
+        let collision = self.execute(deed)?;
         for (one, other) in [(ball, partner), (partner, ball)] {
             let search = self.look_around(one, Some(other));
-            reversible &= search.parts && !search.disturbed && !self.gas.turns_when_reversed(one);
+            keep |= !search.parts || search.disturbed || self.gas.turns_when_reversed(one);
         }
-        self.counters.irreversible_events += u64::from(!reversible);
+        self.remember(now, deed, keep);
         report(&collision);
         Ok(())
     }
 
-    /// Counts a collision of balls that had flown these flights.
-    fn note(&mut self, collision: &Collision, balls: &[(usize, Flight)]) -> Result<(), Stuck> {
-        let counter = match collision.participants {
-            Participants::Pair(..) => &mut self.counters.pair_collisions,
-            Participants::Plane(..) => &mut self.counters.plane_collisions,
-            Participants::Wall(..) | Participants::Face(..) => &mut self.counters.wall_collisions,
+    /// Changes the velocities at the present and counts.
+    fn execute(&mut self, deed: Deed) -> Result<Collision, Stuck> {
+        let balls = deed.balls();
+        let begins = balls.map(|ball| {
+            let flight = &self.gas.flights[ball];
+            let begin = (flight.origin != Origin::Start).then(|| time_of(flight.since));
+            (ball, begin)
+        });
+        let counters = &mut self.counters;
+        let (collision, changed) = match deed {
+            Deed::Bounce {
+                ball,
+                axis,
+                participants,
+            } => {
+                match participants {
+                    Participants::Plane(..) => counters.plane_collisions += 1,
+                    _ => counters.wall_collisions += 1,
+                }
+                (self.gas.bounce(ball, axis, participants), &begins[..1])
+            }
+            Deed::Pair { balls, separation } => {
+                counters.pair_collisions += 1;
+                (self.gas.collide(balls, separation), &begins[..])
+            }
         };
-        *counter += 1;
-        let begin =
-            |flight: Flight| (flight.origin != Origin::Start).then(|| time_of(flight.since));
-        let mut begins = [(0, None); 2];
-        for (known, &(ball, flight)) in begins.iter_mut().zip(balls) {
-            *known = (ball, begin(flight));
+        self.instants.note(&collision, changed, counters)?;
+        Ok(collision)
+    }
+
+    /// Takes note of what has been done at a tick; `keep` if a reversed run could not work it out.
+    fn remember(&mut self, now: i128, deed: Deed, keep: bool) {
+        self.counters.remembered_events += u64::from(keep);
+        self.memory.add(now, deed, keep);
+    }
+
+    /// Undoes what is remembered of a tick, which is now.
+    fn undo(&mut self, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck> {
+        let happening = self.memory.recall();
+        self.gas.state.now = time_of(happening.tick);
+        for &deed in &happening.deeds {
+            report(&self.execute(deed)?);
         }
-        self.instants
-            .note(collision, &begins[..balls.len()], &mut self.counters)
+        for ball in happening.deeds.iter().flat_map(Deed::balls) {
+            self.look_around(ball, None);
+        }
+        Ok(())
     }
 
     /// After a change of course: finds the ball's cells and its next collision anew.
@@ -339,7 +393,17 @@ impl Engine for Reversible {
     }
 
     fn advance(&mut self, until: Time, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck> {
-        while let Some(event) = self.calendar.first() {
+        let end = tick_of(until);
+        loop {
+            let event = self.calendar.first();
+            if let Some(tick) = self.memory.next_tick()
+                && tick <= end
+                && event.is_none_or(|event| event.time >= self.relative(tick))
+            {
+                self.undo(report)?;
+                continue;
+            }
+            let Some(event) = event else { break };
             if event.time >= REBASE_AFTER {
                 let next = self.base.saturating_add(event.time as u64).min(until.epoch);
                 if next > self.base {
@@ -392,6 +456,7 @@ impl Engine for Reversible {
     /// At the present. What happened at this very tick is done again, as the mirror has it: first thing in the next advance.
     fn reverse(&mut self) {
         self.gas.reverse();
+        self.memory.reverse(self.gas.now());
         self.instants.clear();
         self.predict_everything();
     }

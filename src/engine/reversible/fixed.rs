@@ -88,25 +88,25 @@ impl Scale {
 
     /// A length in integer units, rounded.
     #[inline]
-    pub fn length(&self, length: f64) -> i128 {
+    pub fn length(self, length: f64) -> i128 {
         (length * self.per_length).round() as i128
     }
 
     /// A velocity in integer units, rounded.
     #[inline]
-    pub fn velocity(&self, velocity: f64) -> i64 {
+    pub fn velocity(self, velocity: f64) -> i64 {
         (velocity * self.per_velocity).round() as i64
     }
 
     /// An integer length in internal units, rounded.
     #[inline]
-    pub fn to_length(&self, length: i128) -> f64 {
+    pub fn to_length(self, length: i128) -> f64 {
         length as f64 / self.per_length
     }
 
     /// An integer velocity in internal units, rounded.
     #[inline]
-    pub fn to_velocity(&self, velocity: i64) -> f64 {
+    pub fn to_velocity(self, velocity: i64) -> f64 {
         velocity as f64 / self.per_velocity
     }
 }

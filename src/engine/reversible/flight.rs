@@ -67,7 +67,6 @@ pub struct Approach {
     since: i128,
     separation: [i128; 3],
     velocity: [i64; 3],
-    contact: i128,
     contact_squared: Wide,
 }
 
@@ -81,7 +80,6 @@ impl Approach {
             since,
             separation: std::array::from_fn(|axis| one[axis] - other[axis] + shift[axis]),
             velocity: std::array::from_fn(|axis| first.velocity[axis] - second.velocity[axis]),
-            contact,
             contact_squared: Wide::square(contact),
         }
     }
@@ -102,14 +100,6 @@ impl Approach {
     #[inline]
     pub fn overlaps(&self) -> bool {
         self.beyond(0) < 0.0
-    }
-
-    /// Distance between the surfaces over the contact distance at a tick.
-    pub fn gap_at(&self, tick: i128) -> f64 {
-        let contact = self.contact as f64;
-        // r^2 - c^2 = (r - c) (r + c), without cancellation; at a collision r is c but for one tick's way
-        let beyond = self.beyond(tick - self.since);
-        beyond / contact / ((contact * contact + beyond).sqrt() + contact)
     }
 
     /// The last tick before the balls would overlap; the begin if they overlap there and approach. `None` if they never do.
@@ -219,6 +209,14 @@ impl Approach {
             .map(|&component| component as f64 * component as f64)
             .sum()
     }
+}
+
+/// Distance between the surfaces of two balls over their contact distance.
+pub fn gap(separation: [i128; 3], contact: i128) -> f64 {
+    // r^2 - c^2 = (r - c) (r + c), without cancellation
+    let beyond = Wide::length_squared(separation).minus(Wide::square(contact));
+    let contact = contact as f64;
+    beyond / contact / ((contact * contact + beyond).sqrt() + contact)
 }
 
 #[cfg(test)]

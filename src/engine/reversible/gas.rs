@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::domain::Boundary;
 use crate::engine::reversible::fixed::{Refusal, Scale, axis_of, tick_of, time_of};
-use crate::engine::reversible::flight::{Approach, Flight, Origin};
+use crate::engine::reversible::flight::{self, Approach, Flight, Origin};
 use crate::engine::reversible::involution;
 use crate::event::{Collision, Participants, Wall};
 use crate::state::{State, Trajectory};
@@ -208,9 +208,11 @@ impl Gas {
         }
     }
 
-    /// Two balls collide at a tick.
-    pub fn collide(&mut self, balls: [usize; 2], approach: &Approach, tick: i128) -> Collision {
-        let separation = approach.separation_at(tick);
+    /// Two balls collide at the present; `separation` leads from the second to the first.
+    pub fn collide(&mut self, balls: [usize; 2], separation: [i128; 3]) -> Collision {
+        let tick = self.now();
+        let contact = self.radius(balls[0]) + self.radius(balls[1]);
+        let gap = flight::gap(separation, contact);
         let masses = balls.map(|ball| self.state.bodies.of(ball).mass);
         let before = balls.map(|ball| self.state.trajectories[ball].velocity);
         // The lighter ball takes the rounding, as it has the smaller momentum; both directions of time must agree on which.
@@ -249,7 +251,7 @@ impl Gas {
             }
         };
         Collision {
-            time: time_of(tick),
+            time: self.state.now,
             participants: Participants::Pair(balls[lower] as u32, balls[higher] as u32),
             impulse: impulse_on(lower),
             external: if all_move {
@@ -259,7 +261,7 @@ impl Gas {
             },
             virial: separation.dot(impulse_on(0)),
             radial_jump: positions[0].dot(received[0]) + positions[1].dot(received[1]),
-            gap: approach.gap_at(tick),
+            gap,
         }
     }
 

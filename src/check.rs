@@ -14,6 +14,9 @@ use crate::state::Placement;
 /// factor of a few. Small gases, which fit the caches, are many times faster.
 pub const ASSUMED_COLLISIONS_PER_SECOND: f64 = 20_000.0;
 
+/// Balls that engine `step` moves by a step per wall second on one core: an assumption, right within a factor of a few.
+pub const ASSUMED_BALL_STEPS_PER_SECOND: f64 = 2e7;
+
 /// A run that takes longer must be accepted with `--yes` \[s\].
 pub const LONG_RUN: f64 = 3600.0;
 
@@ -28,6 +31,9 @@ pub struct Report {
     expected: Rates,
     until: Option<f64>,
     cost: Option<Cost>,
+    /// Wall time of a run in steps \[s\].
+    #[serde(skip)]
+    cost_in_steps: Option<f64>,
     bytes_per_ball: u64,
     memory_bytes: u64,
     model: Vec<String>,
@@ -75,6 +81,7 @@ impl Report {
             expected,
             until,
             cost: cost(expected, until),
+            cost_in_steps: None,
             bytes_per_ball: BYTES_PER_BALL,
             memory_bytes: BYTES_PER_BALL * ball_count as u64,
             model: model(placement),
@@ -89,6 +96,14 @@ impl Report {
         self.cost
     }
 
+    /// Takes the cost of a run in steps of this length, in the scene's units, for that of a run from event to event.
+    pub fn cost_in_steps(&mut self, step: f64) {
+        if let Some(until) = self.until {
+            let wall_time_s = until / step * self.ball_count as f64 / ASSUMED_BALL_STEPS_PER_SECOND;
+            self.cost_in_steps = Some(wall_time_s);
+        }
+    }
+
     /// Why the run needs `--yes`, if it does: it has no end in sight, or takes more than an hour.
     pub fn needs_consent(&self) -> Option<String> {
         let Some(until) = self.until else {
@@ -97,6 +112,16 @@ impl Report {
                     .to_owned(),
             );
         };
+        if let Some(wall_time_s) = self.cost_in_steps {
+            return (wall_time_s > LONG_RUN).then(|| {
+                format!(
+                    "the run to {} in such steps is estimated at {} (assuming {ASSUMED_BALL_STEPS_PER_SECOND:e} balls moved \
+                     per second): give a smaller --until, a longer --dt, or --yes to accept it",
+                    quantity(until, Quantity::Time, self.units),
+                    duration(wall_time_s)
+                )
+            });
+        }
         let cost = self.cost.filter(|cost| cost.wall_time_s > LONG_RUN)?;
         Some(format!(
             "the run to {} is estimated at {} pair collisions and {} (assuming {ASSUMED_COLLISIONS_PER_SECOND} per second): \

@@ -6,6 +6,8 @@ use clap::builder::FalseyValueParser;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 
+use crate::worker::engines::{CalendarName, EngineName};
+
 const EXAMPLES: &str = "\
 Examples:
   moltop                                     watch oxygen near standard conditions
@@ -13,6 +15,7 @@ Examples:
   moltop check configs/oxygen.toml           what it is and what it will cost, before it runs
   moltop run configs/seed-512.toml --summary out.json --series out.csv
   moltop run configs/oxygen.toml --until 1e-10 --state end.csv
+  moltop run configs/seed-512.toml --engine step --dt 0.01
   moltop run configs/oxygen.toml --yes       all 20 microseconds: days
 
 A scene is a TOML file; its numbers are in its own units, and so are --until and --sample.
@@ -80,6 +83,18 @@ pub struct RunOptions {
     /// Simulated time between two rows of the series, in the scene's units
     #[arg(long, value_name = "T", env = "MOLTOP_SAMPLE", allow_negative_numbers = true, value_parser = positive)]
     pub sample: Option<f64>,
+    /// What moves the balls, instead of the scene's choice
+    #[arg(long, value_name = "NAME", env = "MOLTOP_ENGINE")]
+    pub engine: Option<EngineName>,
+    /// How engine event keeps its events in order
+    #[arg(long, value_name = "NAME", env = "MOLTOP_CALENDAR")]
+    pub calendar: Option<CalendarName>,
+    /// Length of a step of engine step, in the scene's units
+    #[arg(long = "dt", value_name = "T", env = "MOLTOP_DT", allow_negative_numbers = true, value_parser = positive)]
+    pub step: Option<f64>,
+    /// Threads of engine windowed [default: one for each core]; their number changes no collision
+    #[arg(long, value_name = "N", env = "MOLTOP_THREADS", value_parser = clap::value_parser!(u16).range(1..=64))]
+    pub threads: Option<u16>,
     /// Seed of the random placement, instead of the scene's
     #[arg(long, value_name = "N", env = "MOLTOP_SEED")]
     pub seed: Option<u64>,

@@ -6,6 +6,7 @@ use crate::state::{State, Time};
 pub mod contact;
 pub mod event_driven;
 pub mod reversible;
+pub mod time_stepping;
 pub mod windowed;
 
 /// What moves a gas forward in time: a function of its state, which alone decides what comes next.
@@ -60,6 +61,14 @@ pub struct Counters {
     pub irreversible_starts: u64,
     /// Most events ever in the calendar.
     pub queue_length_max: u64,
+    /// Steps of an engine that goes in steps.
+    pub steps: u64,
+    /// Steps in which missed collisions were looked for: all but those in which balls fly farther than pairs are listed.
+    pub audited_steps: u64,
+    /// Pairs that met and parted again within an audited step, and so did not collide.
+    pub missed_collisions: u64,
+    /// Collisions of a pair that has not parted since its last one, because something drove it together again.
+    pub double_bounces: u64,
 }
 
 /// Why an engine cannot go on: a ball collides again and again without time passing.

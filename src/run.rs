@@ -13,6 +13,7 @@ use crate::output::{SeriesWriter, Target, write_state};
 use crate::scene::Scene;
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
+use crate::worker::engines::{Choice, Wishes};
 use crate::worker::{LocalFeed, Options, Worker};
 
 /// A run that could start: the scene is good, its balls are placed, its outputs can be written.
@@ -20,6 +21,7 @@ pub struct Prepared {
     scene: Scene,
     placement: Placement,
     outputs: Outputs,
+    engine: Choice,
     /// What is known of the run before it starts.
     pub report: Report,
 }
@@ -50,7 +52,7 @@ impl Prepared {
     /// Reads, checks and places the scene, and checks the outputs; writes nothing.
     ///
     /// # Errors
-    /// [`Error::Scene`] for the scene, [`Error::Usage`] for the outputs.
+    /// [`Error::Scene`] for the scene, [`Error::Usage`] for the outputs and the engine.
     pub fn new(options: &RunOptions) -> Result<Self> {
         let outputs = Outputs::new(options)?;
         let mut scene = load(options.scene.as_ref())?;
@@ -58,11 +60,26 @@ impl Prepared {
         scene.until = options.until.or(scene.until);
         scene.sample = options.sample.unwrap_or(scene.sample);
         let placement = scene.place()?;
-        let report = Report::new(&scene, &placement, scene.until);
+        let wishes = Wishes {
+            engine: options.engine.unwrap_or(scene.engine),
+            calendar: options.calendar,
+            step: options.step,
+            threads: options.threads.map(usize::from),
+            until: scene.until,
+        };
+        let engine = Choice::new(&wishes, &placement).map_err(Error::Usage)?;
+        if let Some(warning) = engine.warning(&placement) {
+            say(&format!("moltop: warning: {warning}"));
+        }
+        let mut report = Report::new(&scene, &placement, scene.until);
+        if let Choice::Step(step) = engine {
+            report.cost_in_steps(step);
+        }
         Ok(Self {
             scene,
             placement,
             outputs,
+            engine,
             report,
         })
     }
@@ -85,6 +102,7 @@ impl Prepared {
             None => (None, None),
         };
         let options = Options {
+            engine: self.engine,
             until: self.scene.until,
             series: sender,
             program_start,

@@ -27,6 +27,7 @@ use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::snapshot::{SceneCard, Units};
 use crate::state::Placement;
+use crate::worker::engines::EngineName;
 
 /// The scene that runs when none is named: a cube of oxygen near standard conditions.
 pub const OXYGEN: &str = include_str!("../configs/oxygen.toml");
@@ -50,6 +51,8 @@ pub struct Scene {
     pub domain: Domain,
     /// The domain's centre \[length\].
     pub center: DVec3,
+    /// What moves the balls, unless the command line says so.
+    pub engine: EngineName,
     /// Simulated time at which the run ends, if the scene says so.
     pub until: Option<f64>,
     /// Simulated time between two rows of the series.

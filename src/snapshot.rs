@@ -82,6 +82,14 @@ pub struct Counts {
     pub ties: u64,
     /// Collisions of a ball at exactly the time of its own collision before.
     pub zero_time_events: u64,
+    /// Steps of engine `step`; zero with the others.
+    pub steps: u64,
+    /// Steps in which missed collisions were looked for.
+    pub audited_steps: u64,
+    /// Pairs that met and parted again within an audited step, and so did not collide.
+    pub missed_collisions: u64,
+    /// Collisions of a pair that had not parted since its last one.
+    pub double_bounces: u64,
 }
 
 /// Pressure by two routes, averaged over the settled part of the run.

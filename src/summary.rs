@@ -122,6 +122,10 @@ struct Counters {
     late_events: u64,
     ties: u64,
     zero_time_events: u64,
+    steps: Option<u64>,
+    audited_steps: Option<u64>,
+    missed_collisions: Option<u64>,
+    double_bounces: Option<u64>,
 }
 
 impl<'s> Summary<'s> {
@@ -131,6 +135,7 @@ impl<'s> Summary<'s> {
         // Over the whole run: the snapshot's own rate is of the last seconds, which says little of a run that is over.
         let per_wall_second = (snapshot.wall_time_s > 0.0 && counts.pair_collisions > 0)
             .then(|| counts.pair_collisions as f64 / snapshot.wall_time_s);
+        let in_steps = |count: u64| (counts.steps > 0).then_some(count);
         Self {
             schema: SCHEMA,
             scene: SceneSummary {
@@ -168,6 +173,11 @@ impl<'s> Summary<'s> {
                 late_events: counts.late_events,
                 ties: counts.ties,
                 zero_time_events: counts.zero_time_events,
+                steps: in_steps(counts.steps),
+                audited_steps: in_steps(counts.audited_steps),
+                missed_collisions: in_steps(counts.missed_collisions)
+                    .filter(|_| counts.audited_steps > 0),
+                double_bounces: in_steps(counts.double_bounces),
             },
             peak_rss_bytes: snapshot.peak_rss_bytes,
             state_hash: snapshot.state_hash.map(|hash| format!("{hash:016x}")),
@@ -287,6 +297,21 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
     let drift = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.1e}"));
     line("energy drift", drift(snapshot.energy_drift));
     line("largest overlap", drift(snapshot.max_overlap));
+    let counts = &snapshot.counts;
+    if counts.steps > 0 {
+        line("steps", counts.steps.to_string());
+        line(
+            "missed collisions",
+            match counts.audited_steps {
+                0 => "–".to_owned(),
+                audited if audited < counts.steps => {
+                    format!("{} in {audited} of the steps", counts.missed_collisions)
+                }
+                _ => counts.missed_collisions.to_string(),
+            },
+        );
+        line("double bounces", counts.double_bounces.to_string());
+    }
     text
 }
 

@@ -4,6 +4,8 @@
 //! time that take some milliseconds of wall time each, and looks for commands between them; where the slices end changes no
 //! trajectory, so the clock has no influence on the physics.
 
+pub mod engines;
+
 mod measure;
 mod pace;
 mod run;
@@ -23,6 +25,8 @@ const THREAD_NAME: &str = "engine";
 
 /// How a run is to be driven.
 pub struct Options {
+    /// What drives it.
+    pub engine: engines::Choice,
     /// Simulated time at which the run ends; `None` runs until it is stopped.
     pub until: Option<f64>,
     /// Where the rows of the series go.

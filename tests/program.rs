@@ -159,7 +159,7 @@ fn the_summary_has_every_key_of_its_schema() {
     assert_eq!(keys(&summary["queue_length"]), "max now");
     assert_eq!(
         keys(&summary["counters"]),
-        "cell_crossings late_events stale_events ties zero_time_events"
+        "audited_steps cell_crossings double_bounces late_events missed_collisions stale_events steps ties zero_time_events"
     );
     assert_eq!(summary["exit"], "finished");
     assert!(summary["pair_collisions"].as_u64() > Some(2000));
@@ -189,6 +189,55 @@ fn the_same_seed_gives_the_same_state_and_another_seed_another() {
     assert!(first.is_string());
     assert_eq!(hash("b.json", "5"), first);
     assert_ne!(hash("c.json", "6"), first);
+}
+
+#[test]
+fn the_exact_engines_agree_and_steps_own_up_to_what_they_get_wrong() {
+    let directory = directory();
+    let run = |name: &str, choice: &[&str]| {
+        let run = ["run", SCENE, "--until", "6", "--summary", name];
+        let output = output(&directory, &[&run, choice].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        (json(&directory, name), text(&output.stderr))
+    };
+    let (exact, words) = run("event.json", &["--engine", "event"]);
+    assert!(!words.contains("missed collisions"), "{words}");
+    assert!(exact["counters"]["missed_collisions"].is_null());
+    for (name, choice) in [
+        ("lazy.json", ["--calendar", "lazy"]),
+        ("bounded.json", ["--calendar", "bounded"]),
+        ("windowed.json", ["--engine", "windowed"]),
+    ] {
+        let (summary, _) = run(name, &choice);
+        assert_eq!(summary["state_hash"], exact["state_hash"], "{name}");
+    }
+    let (stepped, words) = run("step.json", &["--engine", "step", "--dt", "0.2"]);
+    assert_eq!(stepped["engine"], "step");
+    assert_eq!(stepped["counters"]["steps"], 30);
+    assert!(stepped["counters"]["missed_collisions"].as_u64() > Some(10));
+    assert!(stepped["max_overlap"].as_f64() > Some(0.1));
+    assert!(stepped["virial_residual"].as_f64() < Some(1e-12));
+    assert!(words.contains("missed collisions"), "{words}");
+    assert!(
+        words.contains("warning: --dt 0.2000: balls fly 0.19"),
+        "{words}"
+    );
+}
+
+#[test]
+fn a_scene_names_its_engine_and_the_command_line_another() {
+    let directory = directory();
+    let scene = fs::read_to_string(SCENE).expect("the scene");
+    let scene = scene.replace("engine = \"auto\"", "engine = \"step\"");
+    fs::write(directory.path().join("step.toml"), scene).expect("a small file");
+    let run = |choice: &[&str]| {
+        let run = ["run", "step.toml", "--until", "1", "--summary", "out.json"];
+        let output = output(&directory, &[&run, choice, &["--force"]].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        json(&directory, "out.json")["engine"].clone()
+    };
+    assert_eq!(run(&["--dt", "0.01"]), "step");
+    assert_eq!(run(&["--engine", "event"]), "event");
 }
 
 #[test]
@@ -388,7 +437,30 @@ fn bad_input_has_exit_code_2() {
         &["run", SCENE, "--until", "0,5"],
         "with a point and not a comma",
     );
-    check_refused(&["run", SCENE, "--engine", "warp"], "unexpected argument");
+    check_refused(
+        &["run", SCENE, "--engine", "warp"],
+        "possible values: auto, event, windowed, step",
+    );
+    check_refused(&["run", SCENE, "--engine", "step"], "needs --dt T");
+    check_refused(
+        &["run", SCENE, "--engine", "step", "--dt", "-1"],
+        "must be finite and greater than 0",
+    );
+    check_refused(
+        &["run", SCENE, "--engine", "step", "--dt", "NaN"],
+        "must be finite and greater than 0",
+    );
+    let long = [
+        "run", SCENE, "--engine", "step", "--dt", "2", "--until", "1",
+    ];
+    check_refused(&long, "must not be longer than the run");
+    let fine = ["run", SCENE, "--engine", "step", "--dt", "1e-14"];
+    check_refused(&fine, "time itself has a grid");
+    let slow = ["run", SCENE, "--engine", "step", "--dt", "1e-9"];
+    check_refused(&slow, "--yes to accept it");
+    check_refused(&["run", SCENE, "--dt", "0.1"], "--dt is for engine step");
+    let other = ["run", SCENE, "--engine", "windowed", "--calendar", "lazy"];
+    check_refused(&other, "--calendar is for engine event");
     check_refused(&[SCENE], "the dashboard needs a terminal");
 }
 

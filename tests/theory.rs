@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use moltop::scene::Scene;
 use moltop::scene::analysis::Theory;
+use moltop::worker::engines::Choice;
 use moltop::worker::{Options, Worker};
 
 /// A mixture: masses a factor of eight apart, radii a factor of two.
@@ -34,6 +35,7 @@ fn check(scene: &Scene, until: f64, tolerance: [f64; 3]) {
     let placement = scene.place().expect("a good scene");
     let theory = Theory::new(&placement, scene.units);
     let options = Options {
+        engine: Choice::default(),
         until: Some(until),
         series: None,
         program_start: Instant::now(),

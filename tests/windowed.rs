@@ -37,14 +37,14 @@ fn collisions(
 #[track_caller]
 fn compare(placement: &Placement, until: f64, fewest: usize) {
     let (expected, hash) = collisions(&mut EventDriven::new(State::new(placement)), until, 1);
-    for slices in [1, 37] {
-        let mut engine = Windowed::new(State::new(placement));
+    for (slices, regions) in [(1, 1), (37, 2), (5, 7)] {
+        let mut engine = Windowed::with_regions(State::new(placement), regions);
         let (records, windowed_hash) = collisions(&mut engine, until, slices);
         for (index, (record, expected)) in records.iter().zip(&expected).enumerate() {
             assert_eq!(
                 record,
                 expected,
-                "collision {index} of {}, {slices} slices",
+                "collision {index} of {}, {slices} slices, {regions} regions",
                 records.len()
             );
         }
@@ -121,6 +121,6 @@ fn a_reversed_run_collides_as_in_engine_event() {
         collisions(engine, 3.0, 5)
     };
     let event = turn(&mut EventDriven::new(State::new(&placement)));
-    let windowed = turn(&mut Windowed::new(State::new(&placement)));
+    let windowed = turn(&mut Windowed::new(State::new(&placement), 1));
     assert_eq!(event, windowed);
 }

@@ -14,7 +14,7 @@
 
 use glam::DVec3;
 
-use crate::calendar::Calendar;
+use crate::calendar::{Calendar, Indexed};
 use crate::cell_list::{Cell, CellList, Company};
 use crate::collision::{image_pair_time, pair_time, plane_time, wall_time};
 use crate::domain::Boundary;
@@ -71,14 +71,14 @@ impl Candidate {
     }
 }
 
-/// The event-driven engine.
+/// The event-driven engine, with one of the calendars.
 #[derive(Clone, Debug)]
-pub struct EventDriven {
+pub struct EventDriven<C: Calendar = Indexed> {
     state: State,
     /// Whether any two balls can collide; if not, there is nothing to look for and no cell to cross.
     interacting: bool,
     cells: CellList,
-    calendar: Calendar,
+    calendar: C,
     /// The epoch from which the calendar counts.
     base: u64,
     candidates: Vec<Candidate>,
@@ -87,22 +87,33 @@ pub struct EventDriven {
 }
 
 impl EventDriven {
-    /// Predicts the first events of every ball.
+    /// Predicts the first events of every ball; with the default calendar.
     pub fn new(state: State) -> Self {
-        let count = state.ball_count().max(1) as f64;
-        let spacing = (state.domain.volume() / count).cbrt();
-        let width = (SPACINGS_PER_CELL * spacing)
-            .max(DIAMETERS_PER_CELL * 2.0 * state.bodies.mean_radius());
-        Self::with_cell_width(state, width)
+        Self::with_calendar(state)
     }
 
     /// Like [`Self::new`], with cells at least `width` wide \[length\]. The collisions do not depend on it, their cost does.
     pub fn with_cell_width(state: State, width: f64) -> Self {
+        Self::with_calendar_and_cell_width(state, width)
+    }
+}
+
+impl<C: Calendar> EventDriven<C> {
+    /// Predicts the first events of every ball. The collisions do not depend on the calendar, their cost does.
+    pub fn with_calendar(state: State) -> Self {
+        let count = state.ball_count().max(1) as f64;
+        let spacing = (state.domain.volume() / count).cbrt();
+        let width = (SPACINGS_PER_CELL * spacing)
+            .max(DIAMETERS_PER_CELL * 2.0 * state.bodies.mean_radius());
+        Self::with_calendar_and_cell_width(state, width)
+    }
+
+    fn with_calendar_and_cell_width(state: State, width: f64) -> Self {
         let count = state.ball_count();
         let interacting = state.bodies.largest_radius() > 0.0 && count > 1;
         let mut engine = Self {
             cells: CellList::new(&state.domain, width, if interacting { count } else { 0 }),
-            calendar: Calendar::new(count),
+            calendar: C::new(count),
             base: 0,
             candidates: Vec::new(),
             instants: InstantWatch::new(count),
@@ -138,9 +149,11 @@ impl EventDriven {
 
     /// Moves the calendar's base to a later epoch.
     fn rebase(&mut self, epoch: u64) {
+        let epochs = epoch.wrapping_sub(self.base).cast_signed() as f64;
         self.base = epoch;
-        let mut calendar = std::mem::replace(&mut self.calendar, Calendar::new(0));
-        calendar.rebuild((0..self.state.ball_count()).filter_map(|ball| self.next_event(ball)));
+        let mut calendar = std::mem::replace(&mut self.calendar, C::new(0));
+        let events = (0..self.state.ball_count()).filter_map(|ball| self.next_event(ball));
+        calendar.rebase(epochs, events);
         self.calendar = calendar;
         self.note_queue_length();
     }
@@ -395,7 +408,7 @@ impl EventDriven {
     }
 }
 
-impl Engine for EventDriven {
+impl<C: Calendar> Engine for EventDriven<C> {
     fn name(&self) -> &'static str {
         "event"
     }
@@ -441,6 +454,7 @@ impl Engine for EventDriven {
     fn reverse(&mut self) {
         self.state.reverse();
         self.instants.clear();
+        self.calendar = C::new(self.state.ball_count());
         self.predict_everything();
     }
 

@@ -1,8 +1,8 @@
 //! Engine `reversible`: the event-driven engine on integers, so that time can be reversed exactly.
 //!
-//! Positions, velocities and times are integers ([`fixed`]). Free flight `x += v n` is exact, walls negate a component, and the
-//! collision of two balls is an involution that commutes with reversal ([`involution`]). Events happen at the last tick before
-//! an overlap ([`flight`]); a collision mirrors the next step into the previous one, so after a reversal every event is found
+//! Positions, velocities and times are integers (`fixed`). Free flight `x += v n` is exact, walls negate a component, and the
+//! collision of two balls is an involution that commutes with reversal (`involution`). Events happen at the last tick before
+//! an overlap (`flight`); a collision mirrors the next step into the previous one, so after a reversal every event is found
 //! again at the mirrored tick, and every bit of the state comes back.
 //!
 //! What always holds: [`State`] is the gas rounded to f64, each trajectory made from the integers when its flight begins.
@@ -10,7 +10,7 @@
 //! and calendar work as in [`crate::engine::event_driven`].
 //!
 //! Two events of one ball at the same tick have to be undone in the opposite order, which a reversed run could not know, and
-//! rounding could spoil a mirrored step. Both are looked for at every event, counted and remembered ([`memory`]). By chance they do
+//! rounding could spoil a mirrored step. Both are looked for at every event, counted and remembered (`memory`). By chance they do
 //! not occur (a tick is 2^-49 epochs); symmetric scenes have them.
 //!
 //! Source: exact reversal on integers after Levesque & Verlet (J. Stat. Phys. 72, 519, 1993); the events of hard spheres and
@@ -24,7 +24,7 @@ mod memory;
 mod search;
 mod wide;
 
-use crate::calendar::Calendar;
+use crate::calendar::{Calendar, Indexed};
 use crate::cell_list::CellList;
 use crate::collision::wall_time;
 use crate::domain::Boundary;
@@ -57,7 +57,7 @@ pub struct Reversible {
     /// Whether any two balls can collide; if not, there is nothing to look for and no cell to cross.
     interacting: bool,
     cells: CellList,
-    calendar: Calendar,
+    calendar: Indexed,
     /// The epoch from which the calendar counts.
     base: u64,
     candidates: Vec<Candidate>,
@@ -88,7 +88,7 @@ impl Reversible {
         let interacting = state.bodies.largest_radius() > 0.0 && count > 1;
         let mut engine = Self {
             cells: CellList::new(&state.domain, width, if interacting { count } else { 0 }),
-            calendar: Calendar::new(count),
+            calendar: Indexed::new(count),
             base: 0,
             candidates: Vec::new(),
             instants: InstantWatch::new(count),
@@ -151,9 +151,11 @@ impl Reversible {
 
     /// Moves the calendar's base to a later epoch.
     fn rebase(&mut self, epoch: u64) {
+        let later = epoch.wrapping_sub(self.base).cast_signed() as f64;
         self.base = epoch;
-        let mut calendar = std::mem::replace(&mut self.calendar, Calendar::new(0));
-        calendar.rebuild((0..self.gas.flights.len()).filter_map(|ball| self.next_event(ball)));
+        let mut calendar = std::mem::replace(&mut self.calendar, Indexed::new(0));
+        let events = (0..self.gas.flights.len()).filter_map(|ball| self.next_event(ball));
+        calendar.rebase(later, events);
         self.calendar = calendar;
         self.note_queue_length();
     }

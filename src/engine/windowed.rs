@@ -14,23 +14,29 @@
 //! dynamics, and since predictions are pure functions of trajectories they are those of engine `event`, bit for bit.
 //!
 //! Balls are kept sorted along a Morton curve through the cells and sorted again now and then; the state keeps its own order.
+//! The curve is cut into regions, one for each thread ([`region`]); only the commits are done by one.
 
 mod filter;
 mod grid;
+mod meeting;
+mod pieces;
+mod region;
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use glam::DVec3;
 
-use crate::collision::{pair_time, wall_time};
 use crate::domain::Boundary;
 use crate::engine::contact::{self, InstantWatch};
 use crate::engine::{Counters, Engine, Stuck};
 use crate::event::{Collision, Wall};
-use crate::state::{State, Time, Trajectory};
-use filter::{Filter, Start};
+use crate::state::{Placement, State, Time, Trajectory};
+use filter::Start;
 use grid::Grid;
+use meeting::{AT_WALL, Meeting};
+use pieces::{Id, MOST_BALLS, MOST_REGIONS, NONE, Piece, Pieces};
+use region::{Fresh, Gas, Lookout, Passage, Region, Shelves, Window};
 
 /// Cell width in mean spacings of the balls; measured to be best, and flat around.
 const SPACINGS_PER_CELL: f64 = 3.0;
@@ -51,84 +57,34 @@ const LONGEST_WINDOW: f64 = 4.0;
 /// Windows between two sortings of the balls.
 const WINDOWS_PER_SORT: u32 = 8;
 
-/// A meeting of two pieces, or of a piece and a wall.
-#[derive(Clone, Copy, Debug)]
-struct Meeting {
-    /// When, in epochs from the window's first epoch.
-    time: f64,
-    /// The piece, or the first of the two.
-    piece: u32,
-    /// The other piece; [`AT_WALL`] and the wall's number for a wall.
-    other: u32,
-    /// The pieces that follow, where they have been listed and tested already: `piece`'s and `other`'s.
-    next: [u32; 2],
-    /// Orders meetings at one instant as all exact engines do.
-    rank: (u32, u32),
-}
+/// From which numbers of balls, and at which mean spacing in diameters, this engine is the faster one (measured).
+const FEW_BALLS: usize = 1000;
+const MANY_BALLS: usize = 20_000;
+const DILUTE_FEW: f64 = 2.75;
+const DILUTE_MANY: f64 = 1.75;
 
-/// A piece that does not exist yet.
-const NONE: u32 = u32::MAX;
+/// Largest radius in smallest ones up to which the filter, which knows the largest only, lets little through in vain.
+const SIMILAR_SIZE: f64 = 4.0;
 
-/// Numbers from here on are walls, not pieces.
-const AT_WALL: u32 = u32::MAX - 5;
-
-impl Meeting {
-    fn order(&self, other: &Self) -> Ordering {
-        let kind = |meeting: &Self| meeting.other < AT_WALL;
-        let ties = || (kind(self), self.rank).cmp(&(kind(other), other.rank));
-        self.time.total_cmp(&other.time).then_with(ties)
-    }
-}
-
-/// The earliest is the greatest: what a heap gives first.
-impl Ord for Meeting {
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.order(self)
-    }
-}
-
-impl PartialOrd for Meeting {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Meeting {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Meeting {}
-
-/// A window of time, ends included.
-#[derive(Clone, Copy, Debug)]
-struct Window {
-    begin: Time,
-    end: Time,
-}
+/// Fewest balls in a region: a thread must have enough to do to be worth starting.
+const BALLS_PER_REGION: usize = 10_000;
 
 /// The windowed engine.
 #[derive(Clone, Debug)]
 pub struct Windowed {
     state: State,
     grid: Grid,
-    filter: Filter,
-    /// The balls' flights at the beginning of the window, sorted: pieces `0..N`.
+    region_count: usize,
+    regions: Vec<Region>,
+    /// The balls' flights at the beginning of the window, sorted; and the ball of each.
     flights: Vec<Trajectory>,
-    /// The ball of each flight.
     balls: Vec<u32>,
-    /// Pieces that begin within the window: `N` and up; the flights they follow; and the two pieces whose meeting they began
-    /// at, which they cannot meet again.
-    pieces: Vec<Trajectory>,
-    owners: Vec<u32>,
-    /// The window's beginning of each flight and piece, for the filter.
+    /// The flights' starts.
     starts: Vec<Start>,
-    parents: Vec<[u32; 2]>,
-    /// The cells of the pieces last listed.
-    passed: Vec<(u32, u32)>,
+    /// Pieces that follow the flights' wall hits, by region.
+    firsts: Vec<Pieces>,
     /// Each flight's present piece.
-    present: Vec<u32>,
+    present: Vec<Id>,
     /// Flights whose present piece is not their own.
     changed: Vec<u32>,
     window: Option<Window>,
@@ -137,30 +93,62 @@ pub struct Windowed {
     /// Meetings found before the window's commits began, in order, and how many of them are done.
     meetings: Vec<Meeting>,
     done: usize,
-    found: Vec<Meeting>,
     /// Meetings of pieces that began during the commits.
     follow_ups: BinaryHeap<Meeting>,
+    lookout: Lookout,
+    found: Vec<Meeting>,
+    passages: Vec<Passage>,
     instants: InstantWatch,
     counters: Counters,
 }
 
 impl Windowed {
-    /// Whether this engine can run a gas: a container without planes, every ball free to move.
-    pub fn supports(state: &State) -> bool {
-        state.domain.boundary == Boundary::Container
-            && state.domain.planes.is_empty()
-            && !state.bodies.any_fixed()
-            && state.kinetic_energy() > 0.0
+    /// Whether this engine can run a gas: a container without planes, every ball free to move, some moving.
+    pub fn supports(gas: &Placement) -> bool {
+        gas.domain.boundary == Boundary::Container
+            && gas.domain.planes.is_empty()
+            && gas.bodies.iter().all(|body| body.mass.is_finite())
+            && gas.positions.len() < MOST_BALLS
+            && gas
+                .velocities
+                .iter()
+                .any(|&velocity| velocity != DVec3::ZERO)
     }
 
-    /// Prepares a gas that this engine supports.
+    /// Whether this engine is faster than `event` for a gas: enough balls of like size, far enough apart.
+    pub fn pays(gas: &Placement) -> bool {
+        let count = gas.positions.len();
+        let spacing = (gas.domain.volume() / count as f64).cbrt();
+        let radii = || gas.bodies.iter().map(|body| body.radius);
+        let largest = radii().fold(0.0, f64::max);
+        let alike = largest <= SIMILAR_SIZE * radii().fold(f64::INFINITY, f64::min);
+        let dilute = if count >= MANY_BALLS {
+            DILUTE_MANY
+        } else {
+            DILUTE_FEW
+        };
+        count >= FEW_BALLS && alike && spacing >= dilute * 2.0 * largest && Self::supports(gas)
+    }
+
+    /// Prepares a gas that this engine supports, to be run by so many threads at the most. Their number changes no collision.
     ///
     /// # Panics
     /// If [`Self::supports`] does not hold.
-    pub fn new(state: State) -> Self {
+    pub fn new(state: State, threads: usize) -> Self {
+        let worth_it = state.ball_count() / BALLS_PER_REGION;
+        Self::with_regions(state, threads.min(worth_it))
+    }
+
+    /// Like [`Self::new`], with a thread for each of so many regions even if that does not pay.
+    ///
+    /// # Panics
+    /// If [`Self::supports`] does not hold.
+    pub fn with_regions(state: State, regions: usize) -> Self {
+        let walls_only =
+            state.domain.boundary == Boundary::Container && state.domain.planes.is_empty();
         assert!(
-            Self::supports(&state),
-            "the caller asks first whether the windowed engine supports the gas"
+            walls_only && !state.bodies.any_fixed(),
+            "the caller has asked whether this engine supports the gas"
         );
         let count = state.ball_count();
         let volume = state.domain.volume();
@@ -189,14 +177,12 @@ impl Windowed {
             CROSSINGS_PER_WINDOW * grid.width().min_element() / (CROSSINGS_PER_WIDTH * deviation);
         let mut engine = Self {
             grid,
-            filter: Filter::default(),
-            flights: Vec::new(),
-            balls: Vec::new(),
-            pieces: Vec::new(),
-            owners: Vec::new(),
-            starts: Vec::new(),
-            parents: Vec::new(),
-            passed: Vec::new(),
+            region_count: regions.clamp(1, MOST_REGIONS),
+            regions: Vec::new(),
+            flights: state.trajectories.clone(),
+            balls: (0..count as u32).collect(),
+            starts: vec![Start::default(); count],
+            firsts: Vec::new(),
             present: (0..count as u32).collect(),
             changed: Vec::new(),
             window: None,
@@ -206,26 +192,25 @@ impl Windowed {
             windows_since_sort: 0,
             meetings: Vec::new(),
             done: 0,
-            found: Vec::new(),
             follow_ups: BinaryHeap::new(),
+            lookout: Lookout::default(),
+            found: Vec::new(),
+            passages: Vec::new(),
             instants: InstantWatch::new(count),
             counters: Counters::default(),
             state,
         };
-        engine.balls = (0..count as u32).collect();
-        engine.flights.clone_from(&engine.state.trajectories);
         engine.sort();
         engine
     }
 
-    /// Sorts the balls along the curve through the cells, by where they are at the present.
+    /// Sorts the balls along the curve through the cells, by where they are at the present, and cuts the curve into regions of
+    /// about as many balls each.
     fn sort(&mut self) {
         self.windows_since_sort = 0;
-        let cells: Vec<u32> = self
-            .flights
-            .iter()
-            .map(|flight| self.grid.cell_at(flight.position_at(self.state.now)) as u32)
-            .collect();
+        let now = self.state.now;
+        let cell_of = |flight: &Trajectory| self.grid.cell_at(flight.position_at(now)) as u32;
+        let cells: Vec<u32> = self.flights.iter().map(cell_of).collect();
         let mut places = vec![0_u32; self.grid.cell_count() + 1];
         for &cell in &cells {
             places[cell as usize + 1] += 1;
@@ -233,8 +218,28 @@ impl Windowed {
         for cell in 1..places.len() {
             places[cell] += places[cell - 1];
         }
-        let mut flights = self.flights.clone();
-        let mut balls = self.balls.clone();
+        let count = self.flights.len();
+        let region_count = self.region_count;
+        let cut = |region: usize| {
+            let balls = (count * region / region_count) as u32;
+            if region == region_count {
+                self.grid.cell_count()
+            } else {
+                places.partition_point(|&place| place < balls)
+            }
+        };
+        let cuts: Vec<usize> = (0..=region_count).map(cut).collect();
+        let region = |number: usize| {
+            let (first, end) = (cuts[number], cuts[number + 1]);
+            Region::new(
+                number,
+                first..end,
+                places[first] as usize..places[end] as usize,
+            )
+        };
+        self.regions = (0..region_count).map(region).collect();
+        self.firsts.resize(region_count, Pieces::default());
+        let (mut flights, mut balls) = (self.flights.clone(), self.balls.clone());
         for (index, &cell) in cells.iter().enumerate() {
             let place = &mut places[cell as usize];
             flights[*place as usize] = self.flights[index];
@@ -245,259 +250,88 @@ impl Windowed {
     }
 
     /// Lists all balls and finds the meetings of the window that begins at the present.
-    fn open(&mut self) {
+    fn open(&mut self) -> Window {
         if self.windows_since_sort >= WINDOWS_PER_SORT {
             self.sort();
         }
         self.windows_since_sort += 1;
         let begin = self.state.now;
-        let end = begin
-            .after(self.length)
-            .expect("a window is a few epochs long");
-        self.window = Some(Window { begin, end });
-        self.list(begin, end);
-        self.find(begin, end);
-        self.meetings.sort_unstable_by(Meeting::order);
-    }
-
-    /// Lists every ball's path in the window, reflected at the walls.
-    fn list(&mut self, begin: Time, end: Time) {
-        self.grid.clear();
-        self.pieces.clear();
-        self.owners.clear();
-        self.parents.clear();
-        self.starts.clear();
-        self.done = 0;
-        for flight in &self.flights {
-            self.starts
-                .push(Start::new(flight.position_at(begin), flight.velocity));
-        }
-        let (mut meetings, mut passed) = (
-            std::mem::take(&mut self.meetings),
-            std::mem::take(&mut self.passed),
-        );
-        meetings.clear();
-        let half_size = self.state.domain.half_size;
-        for flight in 0..self.flights.len() {
-            let trajectory = self.flights[flight];
-            let radius = self.state.bodies.of(self.balls[flight] as usize).radius;
-            let (from, to) = (trajectory.position_at(begin), trajectory.position_at(end));
-            if to.abs().cmpge(half_size - radius).any() {
-                self.launch(flight as u32, begin, end, &mut passed, &mut |meeting| {
-                    meetings.push(meeting)
-                });
-            } else {
-                let grid = &mut self.grid;
-                let range = grid.reach(from, to, radius);
-                range.for_each(|place| {
-                    let cell = grid.cell(place);
-                    grid.insert(cell, flight as u32);
-                });
-            }
-        }
-        (self.meetings, self.passed) = (meetings, passed);
-        self.passed.clear();
-    }
-
-    /// Lists a piece and those that follow its wall hits within the window; `passed` gets each piece with each of its cells,
-    /// `found` each wall hit.
-    fn launch(
-        &mut self,
-        piece: u32,
-        begin: Time,
-        end: Time,
-        passed: &mut Vec<(u32, u32)>,
-        found: &mut dyn FnMut(Meeting),
-    ) {
-        let owner = self.owner(piece);
-        let ball = self.balls[owner as usize];
-        let body = self.state.bodies.of(ball as usize);
-        let room = self.state.domain.half_size - body.radius;
-        let mut piece = piece;
-        loop {
-            let trajectory = self.piece(piece);
-            let mut hit: Option<(Time, Wall)> = None;
-            for axis in 0..3 {
-                let speed = trajectory.velocity[axis];
-                if let Some(time) = wall_time(&trajectory, axis, room[axis].copysign(speed))
-                    && time <= end
-                    && hit.is_none_or(|(earliest, _)| time < earliest)
-                {
-                    hit = Some((
-                        time,
-                        Wall {
-                            axis,
-                            upper: speed > 0.0,
-                        },
-                    ));
-                }
-            }
-            let from = trajectory.position_at(if trajectory.begin > begin {
-                trajectory.begin
-            } else {
-                begin
-            });
-            let to = trajectory.position_at(hit.map_or(end, |(time, _)| time));
-            let grid = &mut self.grid;
-            grid.reach(from, to, body.radius).for_each(|place| {
-                let cell = grid.cell(place);
-                grid.insert(cell, piece);
-                passed.push((piece, cell as u32));
-            });
-            let Some((time, wall)) = hit else { return };
-            let (after, _) = contact::wall(ball, trajectory, body, wall, room[wall.axis], time);
-            let next = self.add(after, owner, [NONE; 2], begin);
-            let number = 2 * wall.axis as u32 + u32::from(wall.upper);
-            let time = time.relative_to(begin.epoch);
-            found(Meeting {
-                time,
-                piece,
-                other: AT_WALL + number,
-                next: [next, NONE],
-                rank: (ball, number),
-            });
-            piece = next;
-        }
-    }
-
-    /// Finds the meetings of all listed pieces.
-    fn find(&mut self, begin: Time, end: Time) {
-        let contact = 2.0 * self.state.bodies.largest_radius();
-        let fastest = self.flights.iter().fold(0.0, |fastest: f64, flight| {
-            fastest.max(flight.velocity.abs().max_element())
-        });
-        // A piece may be drawn back beyond the box, by its path in the window.
-        let extent = self.state.domain.half_size.max_element() + 4.0 * fastest * end.since(begin);
-        let expected = self.flights.len() + self.pieces.len();
-        let mut filter = std::mem::take(&mut self.filter);
-        filter.begin_window(contact, extent);
-        let mut hits = Vec::new();
-        for cell in 0..self.grid.cell_count() {
-            filter.begin_cell(self.grid.pieces(cell), &self.starts);
-            hits.clear();
-            filter.find(1, &mut hits);
-            let mut next = 0;
-            while let Some(&(row, other)) = hits.get(next) {
-                next += 1;
-                let pair = [row, other].map(|index| self.grid.pieces(cell)[index as usize]);
-                let Some(mut meeting) = self.meeting(pair[0], pair[1], cell, begin, end) else {
-                    continue;
-                };
-                if pair.iter().all(|&piece| (piece as usize) < expected) {
-                    meeting.next = self.foresee(&meeting, cell, Window { begin, end });
-                    // What follows in this cell joins its rows.
-                    let first = filter.len();
-                    for &piece in &self.grid.pieces(cell)[first..] {
-                        filter.push(&self.starts[piece as usize]);
-                    }
-                    filter.find(first, &mut hits);
-                }
-                self.meetings.push(meeting);
-            }
-        }
-        self.filter = filter;
-    }
-
-    /// Lists the pieces that will follow a meeting if it comes about, while its surroundings are at hand. Cells up to the
-    /// present one have been looked through, so what is listed there is tested now; the others will see it when their turn
-    /// comes. Gives the pieces after the meeting's `piece` and `other`.
-    fn foresee(&mut self, meeting: &Meeting, cell: usize, window: Window) -> [u32; 2] {
-        let mut pieces = [meeting.piece, meeting.other];
-        let swapped = self.ball(pieces[0]) > self.ball(pieces[1]);
-        if swapped {
-            pieces.swap(0, 1);
-        }
-        let owners = pieces.map(|piece| self.owner(piece));
-        let balls = owners.map(|owner| self.balls[owner as usize]);
-        let bodies = balls.map(|ball| self.state.bodies.of(ball as usize));
-        let time = time_in(window, meeting.time);
-        let (after, _) = contact::pair(
-            balls,
-            pieces.map(|piece| self.piece(piece)),
-            bodies,
-            DVec3::ZERO,
-            time,
-        );
-        let mut next = [0, 1].map(|one| {
-            let piece = self.add(after[one], owners[one], pieces, window.begin);
-            self.foresee_path(piece, cell, window);
-            piece
-        });
-        if swapped {
-            next.swap(0, 1);
-        }
-        next
-    }
-
-    /// Lists a foreseen piece and those that follow its wall hits, and tests them in the cells that have had their turn.
-    fn foresee_path(&mut self, piece: u32, cell: usize, window: Window) {
-        let mut passed = std::mem::take(&mut self.passed);
-        let mut meetings = std::mem::take(&mut self.meetings);
-        passed.clear();
-        self.launch(
-            piece,
-            window.begin,
-            window.end,
-            &mut passed,
-            &mut |meeting| meetings.push(meeting),
-        );
-        for &(piece, place) in passed.iter().filter(|&&(_, place)| (place as usize) < cell) {
-            self.look_in_cell(piece, place as usize, window, &mut meetings);
-        }
-        self.meetings = meetings;
-        self.passed = passed;
-    }
-
-    /// The meeting of two pieces in the window, if they meet in this cell.
-    #[inline]
-    fn meeting(
-        &self,
-        piece: u32,
-        other: u32,
-        cell: usize,
-        begin: Time,
-        end: Time,
-    ) -> Option<Meeting> {
-        let pair = [
-            piece_of(&self.flights, &self.pieces, piece),
-            piece_of(&self.flights, &self.pieces, other),
-        ];
-        let contact = match self.state.bodies.uniform() {
-            Some(body) => 2.0 * body.radius,
-            None => self.radius(piece) + self.radius(other),
+        let window = Window {
+            begin,
+            end: begin
+                .after(self.length)
+                .expect("a window is a few epochs long"),
         };
-        let time = pair_time(pair[0], pair[1], contact).filter(|&time| time <= end)?;
-        self.meeting_at(piece, other, time, cell, begin)
-    }
+        let Self {
+            state,
+            grid,
+            regions,
+            flights,
+            balls,
+            starts,
+            firsts,
+            lookout,
+            meetings,
+            ..
+        } = self;
+        let gas = Gas {
+            state,
+            grid,
+            flights,
+            balls,
+            window,
+        };
 
-    /// The rest of [`Self::meeting`], for the few that the prediction lets through.
-    #[inline(never)]
-    fn meeting_at(
-        &self,
-        piece: u32,
-        other: u32,
-        time: Time,
-        cell: usize,
-        begin: Time,
-    ) -> Option<Meeting> {
-        let balls = [self.ball(piece), self.ball(other)];
-        if balls[0] == balls[1]
-            || self.parents(piece).contains(&other)
-            || self.parents(other).contains(&piece)
-        {
-            return None;
+        let mut rest = &mut starts[..];
+        let shares: Vec<_> = regions
+            .iter()
+            .map(|region| rest.split_off_mut(..region.flights.len()).expect("a share"))
+            .collect();
+        let lists = regions.iter_mut().zip(shares).zip(firsts.iter_mut());
+        side_by_side(lists, |((region, starts), firsts)| {
+            region.list(gas, starts, firsts)
+        });
+
+        let fastest = regions
+            .iter()
+            .fold(0.0, |fastest: f64, region| fastest.max(region.fastest));
+        // Pieces may be drawn back beyond the box, by their path in the window; none is four times as fast as all flights.
+        let extent = state.domain.half_size.max_element() + 4.0 * fastest * window.end.since(begin);
+        let margins = (2.0 * state.bodies.largest_radius(), extent);
+        let mail: Vec<_> = regions
+            .iter_mut()
+            .map(|region| std::mem::take(&mut region.outbox))
+            .collect();
+        side_by_side(regions.iter_mut(), |region| {
+            region.find(gas, starts, firsts, &mail, margins)
+        });
+
+        meetings.clear();
+        self.done = 0;
+        for region in regions.iter() {
+            meetings.extend(&region.meetings);
         }
-        // Only the cell that holds the contact point counts the meeting: both are listed there.
-        let radii = [self.radius(piece), self.radius(other)];
-        let places = [piece, other].map(|piece| self.piece(piece).position_at(time));
-        let contact = places[0] + (places[1] - places[0]) * (radii[0] / (radii[0] + radii[1]));
-        (self.grid.cell_at(contact) == cell).then(|| Meeting {
-            time: time.relative_to(begin.epoch),
-            piece,
-            other,
-            next: [NONE; 2],
-            rank: (balls[0].min(balls[1]), balls[0].max(balls[1])),
-        })
+        lookout.begin_window(margins.0, margins.1);
+        // What was foreseen across a region's border is listed and tested there, now that all have finished.
+        let mail: Vec<_> = regions
+            .iter_mut()
+            .flat_map(|region| std::mem::take(&mut region.outbox))
+            .collect();
+        for (id, cell) in mail {
+            let region = region_of(regions, cell);
+            regions[region].lists.insert(cell as usize, id);
+            let shelves = Shelves {
+                gas,
+                starts,
+                firsts,
+                fresh: Fresh::In(regions),
+            };
+            lookout.look(&shelves, &regions[region].lists, (id, cell), meetings);
+        }
+        // Made of sorted stretches: a sort that looks for such is quick.
+        meetings.sort_by(Meeting::order);
+        self.window = Some(window);
+        window
     }
 
     /// The next meeting in order, if it comes no later than `limit`.
@@ -518,32 +352,45 @@ impl Windowed {
         Some(next)
     }
 
-    /// Carries out a meeting if its pieces are still their balls' present flights.
-    fn commit(
-        &mut self,
-        meeting: Meeting,
-        window: Window,
-        report: &mut dyn FnMut(&Collision),
-    ) -> Result<(), Stuck> {
-        let time = time_in(window, meeting.time);
-        if meeting.other >= AT_WALL {
-            self.hit_wall(meeting, time, report)
-        } else {
-            self.meet(meeting, time, window, report)
+    fn shelves(&self, window: Window) -> Shelves<'_> {
+        let Self {
+            state,
+            grid,
+            regions,
+            flights,
+            balls,
+            starts,
+            firsts,
+            ..
+        } = self;
+        Shelves {
+            gas: Gas {
+                state,
+                grid,
+                flights,
+                balls,
+                window,
+            },
+            starts,
+            firsts,
+            fresh: Fresh::In(regions),
         }
     }
 
     fn hit_wall(
         &mut self,
         meeting: Meeting,
-        time: Time,
+        window: Window,
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
-        let owner = self.owner(meeting.piece);
+        let shelves = self.shelves(window);
+        let owner = shelves.owner(meeting.piece);
         if self.present[owner as usize] != meeting.piece {
             self.counters.stale_events += 1;
             return Ok(());
         }
+        let before = *shelves.trajectory(meeting.piece);
+        let time = window.instant(meeting.time);
         self.state.now = time;
         let ball = self.balls[owner as usize];
         let body = self.state.bodies.of(ball as usize);
@@ -553,7 +400,6 @@ impl Windowed {
             upper: number % 2 == 1,
         };
         let limit = self.state.domain.half_size[wall.axis] - body.radius;
-        let before = self.piece(meeting.piece);
         let (after, collision) = contact::wall(ball, before, body, wall, limit, time);
         self.counters.wall_collisions += 1;
         self.instants.note(
@@ -569,78 +415,99 @@ impl Windowed {
     fn meet(
         &mut self,
         meeting: Meeting,
-        time: Time,
         window: Window,
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
-        let mut pieces = [meeting.piece, meeting.other];
-        let mut next = meeting.next;
-        if self.ball(pieces[0]) > self.ball(pieces[1]) {
-            pieces.swap(0, 1);
-            next.swap(0, 1);
-        }
-        let owners = pieces.map(|piece| self.owner(piece));
-        if (0..2).any(|one| self.present[owners[one] as usize] != pieces[one]) {
+        let shelves = self.shelves(window);
+        let pair = meeting.in_order(&shelves);
+        let owners = pair.map(|id| shelves.owner(id));
+        if (0..2).any(|one| self.present[owners[one] as usize] != pair[one]) {
             self.counters.stale_events += 1;
             return Ok(());
         }
+        let before = pair.map(|id| *shelves.trajectory(id));
+        let time = window.instant(meeting.time);
         let late = time < self.state.now;
         self.counters.late_events += u64::from(late);
         let now = if late { self.state.now } else { time };
         self.state.now = now;
         let balls = owners.map(|owner| self.balls[owner as usize]);
         let bodies = balls.map(|ball| self.state.bodies.of(ball as usize));
-        let before = pieces.map(|piece| self.piece(piece));
         let (after, collision) = contact::pair(balls, before, bodies, DVec3::ZERO, now);
         self.counters.pair_collisions += 1;
         let watched = balls.map(|ball| (ball as usize, self.last_contact(ball)));
         self.instants
             .note(&collision, &watched, &mut self.counters)?;
         for one in [0, 1] {
-            if next[one] == NONE || late {
-                let piece = self.add(after[one], owners[one], pieces, window.begin);
-                self.turn(owners[one], piece, after[one]);
-                self.pursue(piece, window);
+            let foreseen = meeting.next[usize::from(pair[one] != meeting.piece)];
+            // A late collision does not happen where it was foreseen.
+            let next = if foreseen == NONE || late {
+                self.pursue(after[one], owners[one], pair, window)
             } else {
-                self.turn(owners[one], next[one], after[one]);
-            }
+                foreseen
+            };
+            self.turn(owners[one], next, after[one]);
         }
         report(&collision);
         Ok(())
     }
 
-    /// Lists a piece that has just begun and those that follow its wall hits, and tests them against all that is listed where
-    /// they pass.
-    fn pursue(&mut self, piece: u32, window: Window) {
-        let mut passed = std::mem::take(&mut self.passed);
-        let mut found = std::mem::take(&mut self.found);
-        passed.clear();
+    /// Lists a piece that begins now and those that follow its wall hits, and tests them against all that is listed where they
+    /// pass. Gives the piece.
+    fn pursue(&mut self, after: Trajectory, owner: u32, parents: [Id; 2], window: Window) -> Id {
+        let Self {
+            state,
+            grid,
+            regions,
+            flights,
+            balls,
+            starts,
+            firsts,
+            lookout,
+            found,
+            passages,
+            follow_ups,
+            ..
+        } = self;
+        let gas = Gas {
+            state,
+            grid,
+            flights,
+            balls,
+            window,
+        };
         found.clear();
-        self.launch(
-            piece,
-            window.begin,
-            window.end,
-            &mut passed,
-            &mut |meeting| found.push(meeting),
+        passages.clear();
+        let mut fresh = std::mem::take(&mut regions[0].fresh);
+        let start = Start::new(after.position_at(window.begin), after.velocity);
+        let id = Piece::Fresh(0, fresh.push(after, start, owner, parents)).id();
+        let add = |after, start| Piece::Fresh(0, fresh.push(after, start, owner, [NONE; 2])).id();
+        gas.trace(
+            id,
+            after,
+            owner,
+            add,
+            |cell, id| passages.push((id, cell as u32)),
+            |meeting| found.push(meeting),
         );
-        for &(piece, cell) in &passed {
-            self.look_in_cell(piece, cell as usize, window, &mut found);
+        regions[0].fresh = fresh;
+        for &(id, cell) in passages.iter() {
+            let region = region_of(regions, cell);
+            regions[region].lists.insert(cell as usize, id);
+            let shelves = Shelves {
+                gas,
+                starts,
+                firsts,
+                fresh: Fresh::In(regions),
+            };
+            lookout.look(&shelves, &regions[region].lists, (id, cell), found);
         }
-        self.follow_ups.extend(&found);
-        (self.passed, self.found) = (passed, found);
-    }
-
-    /// Finds the meetings of one piece with those listed in a cell.
-    fn look_in_cell(&self, piece: u32, cell: usize, window: Window, found: &mut Vec<Meeting>) {
-        for &other in self.grid.pieces(cell) {
-            if other != piece {
-                found.extend(self.meeting(piece, other, cell, window.begin, window.end));
-            }
-        }
+        follow_ups.extend(found.iter());
+        id
     }
 
     /// A ball goes on along another piece.
-    fn turn(&mut self, owner: u32, piece: u32, after: Trajectory) {
+    fn turn(&mut self, owner: u32, piece: Id, after: Trajectory) {
         self.present[owner as usize] = piece;
         self.changed.push(owner);
         let ball = self.balls[owner as usize] as usize;
@@ -661,50 +528,6 @@ impl Windowed {
         self.window = None;
     }
 
-    fn add(&mut self, trajectory: Trajectory, owner: u32, parents: [u32; 2], begin: Time) -> u32 {
-        self.starts.push(Start::new(
-            trajectory.position_at(begin),
-            trajectory.velocity,
-        ));
-        self.pieces.push(trajectory);
-        self.owners.push(owner);
-        self.parents.push(parents);
-        (self.flights.len() + self.pieces.len() - 1) as u32
-    }
-
-    #[inline]
-    fn piece(&self, piece: u32) -> Trajectory {
-        *piece_of(&self.flights, &self.pieces, piece)
-    }
-
-    /// The flight that a piece belongs to.
-    #[inline]
-    fn owner(&self, piece: u32) -> u32 {
-        (piece as usize)
-            .checked_sub(self.flights.len())
-            .map_or(piece, |new| self.owners[new])
-    }
-
-    /// The ball that a piece belongs to.
-    #[inline]
-    fn ball(&self, piece: u32) -> u32 {
-        self.balls[self.owner(piece) as usize]
-    }
-
-    /// Radius of the ball that a piece belongs to.
-    #[inline]
-    fn radius(&self, piece: u32) -> f64 {
-        self.state.bodies.of(self.ball(piece) as usize).radius
-    }
-
-    /// The pieces whose meeting a piece began at, if it did.
-    #[inline]
-    fn parents(&self, piece: u32) -> [u32; 2] {
-        (piece as usize)
-            .checked_sub(self.flights.len())
-            .map_or([NONE; 2], |new| self.parents[new])
-    }
-
     /// When a ball's last collision was, if it had one.
     fn last_contact(&self, ball: u32) -> Option<Time> {
         let ball = ball as usize;
@@ -712,23 +535,19 @@ impl Windowed {
     }
 }
 
-/// The instant that lies `time` epochs after the beginning of the window's first epoch.
-fn time_in(window: Window, time: f64) -> Time {
-    let whole = time as u64;
-    Time {
-        epoch: window.begin.epoch + whole,
-        local: time - whole as f64,
-    }
+/// Does the work for each share on a thread of its own, the first on this one.
+fn side_by_side<T: Send>(mut shares: impl Iterator<Item = T>, work: impl Fn(T) + Copy + Send) {
+    let Some(first) = shares.next() else { return };
+    std::thread::scope(|scope| {
+        shares.for_each(|share| {
+            scope.spawn(move || work(share));
+        });
+        work(first);
+    });
 }
 
-#[inline]
-fn piece_of<'a>(flights: &'a [Trajectory], pieces: &'a [Trajectory], piece: u32) -> &'a Trajectory {
-    let piece = piece as usize;
-    if piece < flights.len() {
-        &flights[piece]
-    } else {
-        &pieces[piece - flights.len()]
-    }
+fn region_of(regions: &[Region], cell: u32) -> usize {
+    regions.partition_point(|region| region.lists.cells().end <= cell as usize)
 }
 
 impl Engine for Windowed {
@@ -738,21 +557,24 @@ impl Engine for Windowed {
 
     fn advance(&mut self, until: Time, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck> {
         while self.state.now < until {
-            if self.window.is_none() {
-                self.open();
-            }
-            let window = self.window.expect("a window has just been opened");
+            let window = self.window.unwrap_or_else(|| self.open());
             let limit = if until < window.end {
                 until
             } else {
                 window.end
             };
             while let Some(meeting) = self.take_next(limit.relative_to(window.begin.epoch)) {
-                self.commit(meeting, window, report)?;
+                if meeting.other >= AT_WALL {
+                    self.hit_wall(meeting, window, report)?;
+                } else {
+                    self.meet(meeting, window, report)?;
+                }
             }
             self.state.now = limit;
-            let waiting = (self.meetings.len() - self.done + self.follow_ups.len()) as u64;
-            self.counters.queue_length_max = self.counters.queue_length_max.max(waiting);
+            self.counters.queue_length_max = self
+                .counters
+                .queue_length_max
+                .max(self.queue_length() as u64);
             if limit == window.end {
                 self.close();
             }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use clap::ValueEnum;
 use glam::DVec3;
 use toml::de::DeTable;
 
@@ -9,15 +10,13 @@ use super::reader::{At, Faults, Table, number};
 use super::{Ball, Cell, Scene, Sites, Species, Velocities, memory, table};
 use crate::domain::Domain;
 use crate::snapshot::Units;
+use crate::worker::engines::EngineName;
 
 /// Largest coordinate rounding that is accepted, in units of the smallest radius.
 const COARSEST_POSITION: f64 = 1e-9;
 
 /// Most rows of a series that a scene may ask for by `until / sample`.
 const MOST_ROWS: f64 = 1e9;
-
-/// Engines that a scene may name.
-const ENGINES: [&str; 2] = ["auto", "event"];
 
 /// Reads a scene, or says in one line per fault why not.
 pub(super) fn parse(path: &Path, text: &str) -> Result<Scene, Vec<String>> {
@@ -74,9 +73,9 @@ fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) ->
             "[[plane]]: planes are not in this version",
         );
     }
-    let (until, sample) = match table.table("run", "[run]", faults) {
+    let (engine, until, sample) = match table.table("run", "[run]", faults) {
         Some(table) => read_run(table, units, faults),
-        None => (None, default_sample(None, units)),
+        None => (EngineName::Auto, None, default_sample(None, units)),
     };
     table.finish(faults);
     let (domain, center, span) = domain?;
@@ -86,6 +85,7 @@ fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) ->
         seed,
         domain,
         center,
+        engine,
         until,
         sample,
         species,
@@ -378,16 +378,16 @@ fn read_ball(mut table: Table, faults: &mut Faults) -> Option<Ball> {
     })
 }
 
-fn read_run(mut table: Table, units: Option<Units>, faults: &mut Faults) -> (Option<f64>, f64) {
-    if let Some(engine) = table
-        .text("engine", faults)
-        .filter(|name| !ENGINES.contains(&name.value.as_str()))
-    {
-        faults.value(
-            "engine",
-            &engine.span,
-            "not in this version, which has \"auto\" and \"event\"",
-        );
+/// Engine, end of the run and time between two rows of the series.
+type ReadRun = (EngineName, Option<f64>, f64);
+
+fn read_run(mut table: Table, units: Option<Units>, faults: &mut Faults) -> ReadRun {
+    let mut engine = EngineName::Auto;
+    if let Some(name) = table.text("engine", faults) {
+        match EngineName::from_str(&name.value, false) {
+            Ok(known) => engine = known,
+            Err(_) => faults.value("engine", &name.span, &unknown_engine()),
+        }
     }
     let until = table.positive("until", faults);
     let sample = table.positive("sample", faults);
@@ -403,8 +403,20 @@ fn read_run(mut table: Table, units: Option<Units>, faults: &mut Faults) -> (Opt
     table.finish(faults);
     let until = until.map(|until| until.value);
     (
+        engine,
         until,
         sample.map_or_else(|| default_sample(until, units), |sample| sample.value),
+    )
+}
+
+fn unknown_engine() -> String {
+    let names = EngineName::value_variants()
+        .iter()
+        .filter_map(EngineName::to_possible_value)
+        .map(|value| value.get_name().to_owned());
+    format!(
+        "not in this version, which has {}",
+        names.collect::<Vec<_>>().join(", ")
     )
 }
 

@@ -161,6 +161,10 @@ pub fn counts(counters: &Counters) -> Counts {
         late_events: counters.late_events,
         ties: counters.ties,
         zero_time_events: counters.zero_time_events,
+        steps: counters.steps,
+        audited_steps: counters.audited_steps,
+        missed_collisions: counters.missed_collisions,
+        double_bounces: counters.double_bounces,
     }
 }
 

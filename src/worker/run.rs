@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 use super::measure::{self, Pressures, Settled, Survey};
 use super::pace::{Meter, Slices};
 use super::{Options, Slot};
-use crate::engine::event_driven::EventDriven;
 use crate::engine::{Engine, Stuck};
 use crate::feed::Command;
 use crate::history::History;
@@ -65,7 +64,7 @@ impl Setting {
         Snapshot {
             sequence: 0,
             scene: Arc::clone(&self.card),
-            engine: "event",
+            engine: self.options.engine.name(),
             phase: Phase::Starting,
             reversed: false,
             time: 0.0,
@@ -160,7 +159,7 @@ pub fn run(
         slot,
         pressures: Pressures::of(&state),
         slices: Slices::new(FIRST_SLICE * state.units.time),
-        engine: Box::new(EventDriven::new(state)),
+        engine: setting.options.engine.engine(state),
         observer,
         survey,
         survey_due,

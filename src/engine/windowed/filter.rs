@@ -21,7 +21,7 @@ const GRAZING: f32 = 1e-8;
 const POSITION_ROUNDING: f64 = 1e-6;
 
 /// Where a piece is at the beginning of the window, if need be drawn back to it, and its velocity; in f32.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 #[repr(align(32))]
 pub struct Start([f32; 8]);
 
@@ -64,15 +64,13 @@ impl Filter {
         self.contact_squared = contact * contact;
     }
 
-    /// Begins a cell with these pieces.
-    pub fn begin_cell(&mut self, pieces: &[u32], starts: &[Start]) {
-        self.length = pieces.len();
-        self.make_room(self.length);
-        let [x, y, z, u, v, w] = self
-            .columns
-            .each_mut()
-            .map(|column| &mut column[..pieces.len()]);
-        for (index, &piece) in pieces.iter().enumerate() {
+    /// Begins a cell of `count` pieces.
+    #[inline]
+    pub fn begin_cell<'s>(&mut self, count: usize, pieces: impl Iterator<Item = &'s Start>) {
+        self.length = count;
+        self.make_room(count);
+        let [x, y, z, u, v, w] = self.columns.each_mut().map(|column| &mut column[..count]);
+        for (index, piece) in pieces.enumerate() {
             [
                 x[index],
                 y[index],
@@ -81,7 +79,7 @@ impl Filter {
                 v[index],
                 w[index],
                 ..,
-            ] = starts[piece as usize].0;
+            ] = piece.0;
         }
     }
 

@@ -38,7 +38,7 @@ impl Range {
     }
 }
 
-/// Cells over a container, and the pieces of trajectory listed in each.
+/// Cells over a container.
 #[derive(Clone, Debug)]
 pub struct Grid {
     counts: Place,
@@ -48,10 +48,6 @@ pub struct Grid {
     slack: f64,
     /// Number of each place on the Morton curve.
     cell_of: Vec<u32>,
-    /// Pieces of cell `c`: `pieces[c * capacity..][..lengths[c]]`.
-    pieces: Vec<u32>,
-    lengths: Vec<u32>,
-    capacity: usize,
 }
 
 impl Grid {
@@ -87,8 +83,6 @@ impl Grid {
         for (cell, &place) in place_of.iter().enumerate() {
             cell_of[raster_of(place)] = cell as u32;
         }
-        let cells = place_of.len();
-        let capacity = (4 * ball_count / cells).next_multiple_of(16).max(32);
         Self {
             counts,
             half_size,
@@ -96,15 +90,12 @@ impl Grid {
             per_width: 1.0 / width,
             slack: SLACK * width.min_element(),
             cell_of,
-            pieces: vec![0; cells * capacity],
-            lengths: vec![0; cells],
-            capacity,
         }
     }
 
     /// Number of cells.
     pub fn cell_count(&self) -> usize {
-        self.lengths.len()
+        self.cell_of.len()
     }
 
     /// Widths of a cell \[length\].
@@ -141,10 +132,39 @@ impl Grid {
             high: self.place_at(from.max(to) + reach),
         }
     }
+}
+
+/// Which pieces pass through the cells of a region.
+#[derive(Clone, Debug)]
+pub struct Lists {
+    first: usize,
+    /// Pieces of cell `first + c`: `pieces[c * capacity..][..lengths[c]]`.
+    pieces: Vec<u32>,
+    lengths: Vec<u32>,
+    capacity: usize,
+}
+
+impl Lists {
+    /// Empty lists for these cells, with room for `expected` pieces in each before they must grow.
+    pub fn new(cells: std::ops::Range<usize>, expected: usize) -> Self {
+        let capacity = expected.next_multiple_of(16).max(32);
+        Self {
+            first: cells.start,
+            pieces: vec![0; cells.len() * capacity],
+            lengths: vec![0; cells.len()],
+            capacity,
+        }
+    }
+
+    /// The cells that are listed here.
+    pub fn cells(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.lengths.len()
+    }
 
     /// The pieces listed in a cell.
     #[inline]
     pub fn pieces(&self, cell: usize) -> &[u32] {
+        let cell = cell - self.first;
         &self.pieces[cell * self.capacity..][..self.lengths[cell] as usize]
     }
 
@@ -156,6 +176,7 @@ impl Grid {
     /// Lists a piece in a cell.
     #[inline]
     pub fn insert(&mut self, cell: usize, piece: u32) {
+        let cell = cell - self.first;
         let length = self.lengths[cell] as usize;
         if length == self.capacity {
             self.widen();

@@ -1,0 +1,197 @@
+//! Engines and calendars by name: the one place that knows them all.
+
+use clap::ValueEnum;
+
+use crate::calendar::{Bounded, Indexed, Lazy};
+use crate::engine::Engine;
+use crate::engine::event_driven::EventDriven;
+use crate::engine::time_stepping::TimeStepping;
+use crate::engine::windowed::Windowed;
+use crate::quantity::plain;
+use crate::state::{Placement, State, UnitScale};
+
+/// Engines as `--engine` and `[run] engine` name them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum EngineName {
+    /// Let the program choose: windowed where it is the faster, else event
+    #[default]
+    Auto,
+    /// From collision to collision, exact; any scene
+    Event,
+    /// The same collisions as event, many times faster for a dilute gas in a container
+    Windowed,
+    /// In steps of --dt, inexact, for comparison
+    Step,
+}
+
+/// Calendars of engine `event` as `--calendar` names them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum CalendarName {
+    /// A heap of one event per ball
+    #[default]
+    Indexed,
+    /// A heap of all events there were, which shows how it grows
+    Lazy,
+    /// Bins of time, whose cost does not grow with the number of balls
+    Bounded,
+}
+
+/// What the user asks for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wishes {
+    /// `--engine`, or else the scene's.
+    pub engine: EngineName,
+    /// `--calendar`.
+    pub calendar: Option<CalendarName>,
+    /// `--dt`, in the scene's units; positive.
+    pub step: Option<f64>,
+    /// `--threads`.
+    pub threads: Option<usize>,
+    /// When the run ends, if it does, in the scene's units.
+    pub until: Option<f64>,
+}
+
+/// An engine that can run the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Choice {
+    /// [`EventDriven`], with this calendar.
+    Event(CalendarName),
+    /// [`Windowed`], on so many threads.
+    Windowed(usize),
+    /// [`TimeStepping`], with steps of this length in the scene's units.
+    Step(f64),
+}
+
+impl Default for Choice {
+    fn default() -> Self {
+        Self::Event(CalendarName::Indexed)
+    }
+}
+
+/// Shortest step in epochs: finer ones would feel the grid of time.
+const SHORTEST_STEP: f64 = 1.0 / (1_u64 << 40) as f64;
+
+/// Share of a diameter that a thermal ball may fly in a step without a warning.
+const SHORT_WAY: f64 = 0.1;
+
+impl Choice {
+    /// The engine for these balls.
+    ///
+    /// # Errors
+    /// The words for the user, when the wishes contradict each other or the engine cannot run these balls.
+    pub fn new(wishes: &Wishes, placement: &Placement) -> Result<Self, String> {
+        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+        let threads = || wishes.threads.unwrap_or_else(cores);
+        let choice = match (wishes.engine, wishes.step) {
+            (EngineName::Auto, _) if wishes.calendar.is_none() && Windowed::pays(placement) => {
+                Self::Windowed(threads())
+            }
+            (EngineName::Auto | EngineName::Event, _) => {
+                Self::Event(wishes.calendar.unwrap_or_default())
+            }
+            (EngineName::Windowed, _) if Windowed::supports(placement) => Self::Windowed(threads()),
+            (EngineName::Windowed, _) => {
+                let words = "engine windowed runs balls that all can move, in a container without planes: give --engine event";
+                return Err(words.to_owned());
+            }
+            (EngineName::Step, Some(step)) => Self::Step(step),
+            (EngineName::Step, None) => {
+                return Err(
+                    "engine step needs --dt T, the length of a step in the scene's units"
+                        .to_owned(),
+                );
+            }
+        };
+        let name = choice.name();
+        if wishes.calendar.is_some() && !matches!(choice, Self::Event(_)) {
+            return Err(format!(
+                "--calendar is for engine event, and this is {name}"
+            ));
+        }
+        match choice {
+            Self::Step(step) => check_step(step, wishes.until, placement)?,
+            _ if wishes.step.is_some() => {
+                return Err(format!("--dt is for engine step, and this is {name}"));
+            }
+            _ => {}
+        }
+        Ok(choice)
+    }
+
+    /// The engine's name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Event(_) => "event",
+            Self::Windowed(_) => "windowed",
+            Self::Step(_) => "step",
+        }
+    }
+
+    /// The engine itself.
+    pub fn engine(&self, state: State) -> Box<dyn Engine> {
+        match self {
+            Self::Event(CalendarName::Indexed) => {
+                Box::new(EventDriven::<Indexed>::with_calendar(state))
+            }
+            Self::Event(CalendarName::Lazy) => Box::new(EventDriven::<Lazy>::with_calendar(state)),
+            Self::Event(CalendarName::Bounded) => {
+                Box::new(EventDriven::<Bounded>::with_calendar(state))
+            }
+            Self::Windowed(threads) => Box::new(Windowed::new(state, *threads)),
+            Self::Step(step) => Box::new(TimeStepping::new(state, *step)),
+        }
+    }
+
+    /// What is wrong with the choice although it can be run: steps so long that they are felt.
+    pub fn warning(&self, placement: &Placement) -> Option<String> {
+        let Self::Step(step) = self else {
+            return None;
+        };
+        let way = thermal_speed(placement) * step / mean_diameter(placement);
+        (way > SHORT_WAY && way.is_finite()).then(|| {
+            format!(
+                "--dt {}: balls fly {} diameters in a step: the pressure will be about {} % too low, and balls will \
+                 overlap by up to {} diameters",
+                plain(*step),
+                plain(way),
+                // The laws of engine step, which end where no collision is felt any more.
+                plain((125.0 * way).min(100.0)),
+                plain((8.0 * way).min(1.0)),
+            )
+        })
+    }
+}
+
+fn check_step(step: f64, until: Option<f64>, placement: &Placement) -> Result<(), String> {
+    if let Some(until) = until.filter(|&until| step > until) {
+        return Err(format!(
+            "--dt {}: must not be longer than the run, {}",
+            plain(step),
+            plain(until)
+        ));
+    }
+    let shortest = SHORTEST_STEP * UnitScale::of(placement).time;
+    if step < shortest {
+        return Err(format!(
+            "--dt {}: must be at least {}, for time itself has a grid",
+            plain(step),
+            plain(shortest)
+        ));
+    }
+    Ok(())
+}
+
+/// Root mean square of a component of the velocity.
+fn thermal_speed(placement: &Placement) -> f64 {
+    let squares = placement.velocities.iter().map(|v| v.length_squared());
+    (squares.sum::<f64>() / (3.0 * placement.velocities.len().max(1) as f64)).sqrt()
+}
+
+fn mean_diameter(placement: &Placement) -> f64 {
+    let radius = |&kind: &u32| placement.bodies[kind as usize].radius;
+    let radii = placement.body_of.iter().map(radius);
+    match placement.bodies.as_slice() {
+        [body] => 2.0 * body.radius,
+        _ => 2.0 * radii.sum::<f64>() / placement.body_of.len().max(1) as f64,
+    }
+}

@@ -6,6 +6,7 @@ use clap::builder::FalseyValueParser;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 
+use crate::generate::{Draw, Format, GASES};
 use crate::worker::engines::{CalendarName, EngineName};
 
 const EXAMPLES: &str = "\
@@ -59,6 +60,12 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Write a scene made from a few numbers
+    Generate {
+        /// What to make
+        #[command(subcommand)]
+        what: Generate,
+    },
     /// Write a scene's balls one by one: as TOML, the seed's text or a CSV state
     #[command(
         after_help = "IN is a scene (TOML or the seed's text, by its content) or a CSV state (by its name).\n\
@@ -89,6 +96,74 @@ pub enum Command {
     /// Print the manual page
     #[command(after_help = "Example: moltop man | man -l -")]
     Man,
+}
+
+/// What `generate` makes.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Generate {
+    /// A cube of balls on a lattice, in a container one spacing wider
+    #[command(
+        after_help = "A radius, mass or speed is a number, uniform:MAXIMUM or normal:MEAN,DEVIATION, drawn anew for each ball.\n\
+                            Directions are drawn; a normal speed is the normal distribution of each component."
+    )]
+    Balls {
+        /// Balls along an edge of the cube
+        #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
+        edge: u32,
+        /// Distance of neighbours
+        #[arg(long, value_name = "X", default_value_t = 1.5, value_parser = positive)]
+        spacing: f64,
+        /// Radius; a drawn one is at most half the spacing
+        #[arg(long, value_name = "X", default_value = "0.5")]
+        radius: Draw,
+        /// Mass
+        #[arg(long, value_name = "X", default_value = "1")]
+        mass: Draw,
+        /// Speed
+        #[arg(long, value_name = "X", default_value = "normal:0,1")]
+        speed: Draw,
+        /// Where the scene goes
+        #[command(flatten)]
+        output: GenerateOutput,
+    },
+    /// A real gas, as many molecules as its pressure, volume and temperature need
+    Gas {
+        /// Formula
+        #[arg(long, value_parser = GASES.map(|gas| gas.name), default_value = "O2")]
+        gas: String,
+        /// Pressure in Pa
+        #[arg(long, value_name = "PA", default_value_t = 101_325.0, value_parser = positive)]
+        pressure: f64,
+        /// Temperature in K
+        #[arg(long, value_name = "K", default_value_t = 273.15, value_parser = positive)]
+        temperature: f64,
+        /// Edge of the cube in m [default: 1e-7]
+        #[arg(long, value_name = "M", conflicts_with = "volume", value_parser = positive)]
+        edge: Option<f64>,
+        /// Volume of the cube in m^3
+        #[arg(long, value_name = "M3", value_parser = positive)]
+        volume: Option<f64>,
+        /// Where the scene goes
+        #[command(flatten)]
+        output: GenerateOutput,
+    },
+}
+
+/// Where a generated scene goes.
+#[derive(Clone, Debug, Args)]
+pub struct GenerateOutput {
+    /// Scene file, or the seed's text
+    #[arg(long, value_enum, default_value = "toml")]
+    pub format: Format,
+    /// File to write [default: stdout]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Seed of everything that is drawn
+    #[arg(long, value_name = "N", env = "MOLTOP_SEED", default_value_t = 1)]
+    pub seed: u64,
+    /// Overwrite a file that exists
+    #[arg(long, env = "MOLTOP_FORCE", value_parser = FalseyValueParser::new())]
+    pub force: bool,
 }
 
 /// Scene and outputs of a run.

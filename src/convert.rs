@@ -4,7 +4,6 @@
 //! a scene that is named beside it, or is open space in reduced units.
 
 use std::ffi::OsStr;
-use std::io;
 use std::path::Path;
 
 use crate::error::{Error, Result};
@@ -71,29 +70,5 @@ fn read(input: &Path, domain_of: Option<&Path>) -> Result<Scene> {
             "--domain-of goes with a CSV state: other files have a domain of their own".to_owned(),
         )),
         None => Scene::load(input),
-    }
-}
-
-/// Writes words to a file or, without one, to stdout.
-///
-/// # Errors
-/// What the target answers.
-pub fn write_or_print(
-    output: Option<&Target>,
-    fill: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
-) -> Result<()> {
-    if let Some(target) = output {
-        return target.write(fill);
-    }
-    let mut stdout = io::BufWriter::new(io::stdout().lock());
-    let written = fill(&mut stdout).and_then(|()| io::Write::flush(&mut stdout));
-    match written {
-        // A reader that has seen enough, such as `head`, is no failure.
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Error::File {
-            path: "stdout".into(),
-            action: "write",
-            source: error,
-        }),
-        _ => Ok(()),
     }
 }

@@ -39,6 +39,7 @@ pub mod check;
 pub mod cli;
 pub mod convert;
 pub mod feed;
+pub mod generate;
 pub mod headless;
 pub mod history;
 pub mod output;

@@ -7,10 +7,12 @@ use std::time::Instant;
 
 use clap::{CommandFactory, Parser};
 use moltop::check::Report;
-use moltop::cli::{Cli, Command, RunOptions};
+use moltop::cli::{Cli, Command, Generate, RunOptions};
 use moltop::convert::convert;
 use moltop::error::{Error, Result};
+use moltop::generate::{self, Balls, Extent, GASES};
 use moltop::headless;
+use moltop::output::Target;
 use moltop::run::{Prepared, load, say};
 use moltop::signals::Signals;
 use moltop::summary::Exit;
@@ -24,6 +26,7 @@ fn main() -> ExitCode {
         None => watch(&cli.watch, program_start),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
+        Some(Command::Generate { what }) => generate(&what),
         Some(Command::Convert {
             input,
             output,
@@ -94,6 +97,53 @@ fn check(scene: Option<&PathBuf>, json: bool) -> Result<u8> {
         print(format!("{text}\n").as_bytes())
     } else {
         print(report.for_people().as_bytes())
+    }
+}
+
+fn generate(what: &Generate) -> Result<u8> {
+    let (Generate::Balls { output, .. } | Generate::Gas { output, .. }) = what;
+    let target = output
+        .output
+        .as_ref()
+        .map(|path| Target::new(path, output.force))
+        .transpose()?;
+    let (scene, balls) = match what {
+        Generate::Balls {
+            edge,
+            spacing,
+            radius,
+            mass,
+            speed,
+            output,
+        } => Balls {
+            edge: *edge,
+            spacing: *spacing,
+            radius: *radius,
+            mass: *mass,
+            speed: *speed,
+            seed: output.seed,
+        }
+        .scene()?,
+        Generate::Gas {
+            gas: name,
+            pressure,
+            temperature,
+            edge,
+            volume,
+            output,
+        } => {
+            let gas = GASES
+                .iter()
+                .find(|gas| gas.name == name)
+                .expect("the command line knows the names");
+            let extent = volume.map_or(Extent::Edge(edge.unwrap_or(1e-7)), Extent::Volume);
+            generate::gas(gas, *pressure, extent, *temperature, output.seed)?
+        }
+    };
+    let text = generate::write(&scene, &balls, output.format)?;
+    match target {
+        Some(target) => target.write(|writer| writer.write_all(&text)).map(|()| 0),
+        None => print(&text),
     }
 }
 

@@ -552,3 +552,50 @@ fn the_readme_names_every_option() {
         assert!(readme.contains(&format!("`{option}")), "{option}");
     }
 }
+
+#[test]
+fn generated_and_converted_scenes_run() {
+    let directory = directory();
+    let run = |arguments: &[&str]| {
+        let output = output(&directory, arguments);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stdout)
+    };
+    let seed = [
+        "generate",
+        "balls",
+        "--edge",
+        "3",
+        "--format",
+        "seed",
+        "--radius",
+        "uniform:0.5",
+    ];
+    let printed = run(&seed);
+    run(&[seed.as_slice(), &["-o", "balls.any"]].concat());
+    assert_eq!(printed, read(&directory, "balls.any"));
+    run(&["convert", "balls.any", "balls.toml"]);
+    // A file's content says what it is, and both say the same.
+    let hash = |scene: &str, summary: &str| {
+        run(&["run", scene, "--until", "5", "--summary", summary]);
+        json(&directory, summary)["state_hash"].clone()
+    };
+    assert_eq!(hash("balls.any", "a.json"), hash("balls.toml", "b.json"));
+    run(&[
+        "generate",
+        "gas",
+        "--gas",
+        "Ar",
+        "--edge",
+        "2e-8",
+        "-o",
+        "argon.toml",
+    ]);
+    assert!(run(&["check", "argon.toml"]).contains("Ar at 101325 Pa"));
+    check_refused(
+        &["generate", "gas", "--gas", "Xe"],
+        "possible values: O2, N2, H2, He, Ar",
+    );
+    check_refused(&["generate", "balls", "--radius", "0,5"], "0,5");
+    check_refused(&["convert", SCENE, "here"], "must end in .toml");
+}

@@ -22,7 +22,7 @@ use crate::worker::engines::EngineName;
 pub(super) const SI_COMMENT: &str = "# units = \"si\"";
 
 /// Bytes of the shortest row of a ball: eight digits, each with white space.
-const SHORTEST_BALL: usize = 16;
+const SHORTEST_BALL: u64 = 16;
 
 /// Faults after which the rest of a file is not read.
 const MOST_FAULTS: usize = 20;
@@ -228,7 +228,7 @@ impl<'t> Reader<'t> {
         let shortest = if section == "B" { SHORTEST_BALL } else { 12 };
         match word.and_then(|(_, word)| word.parse::<u64>().ok()) {
             // The last row may end with the file.
-            Some(count) if u128::from(count) * shortest as u128 <= room as u128 + 1 => {
+            Some(count) if count.saturating_mul(shortest) <= room as u64 + 1 => {
                 Some(count as usize)
             }
             Some(count) => {

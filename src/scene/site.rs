@@ -37,6 +37,11 @@ impl Cell {
         edge
     }
 
+    /// Sites of that cube.
+    pub fn sites_of_cube(self, count: usize) -> usize {
+        self.edge_for(count).pow(3) * self.basis().len()
+    }
+
     /// Neighbouring sites are this many cell edges apart.
     pub(super) fn neighbour_distance(self) -> f64 {
         match self {
@@ -56,10 +61,10 @@ impl Cell {
     /// `count` sites of the smallest cube of cells that has them, cell by cell with z fastest, centred on the origin.
     ///
     /// When the cube has more sites than balls, the empty sites are spread evenly over the order.
-    pub(super) fn sites(self, count: usize, spacing: DVec3) -> impl Iterator<Item = DVec3> {
+    pub fn sites(self, count: usize, spacing: DVec3) -> impl Iterator<Item = DVec3> {
         let basis = self.basis();
         let edge = self.edge_for(count);
-        let site_count = edge.pow(3) * basis.len();
+        let site_count = self.sites_of_cube(count);
         let first = -0.5 * self.extent(edge);
         (0..count).map(move |ball| {
             let site = (ball as u128 * site_count as u128 / count as u128) as usize;

@@ -154,19 +154,19 @@ pub fn run(
     let state = State::new(&placement);
     drop(placement);
     let observer = Observer::new(&state);
-    let echo = EchoWatch::new(&state);
     let survey_began = Instant::now();
     let survey = Survey::of(&state, &observer);
     let survey_due = survey_began + survey_pause(survey_began.elapsed());
+    let engine = setting.options.engine.engine(state);
     let mut run = Run {
         setting,
         inbox,
         slot,
-        pressures: Pressures::of(&state),
-        slices: Slices::new(FIRST_SLICE * state.units.time),
-        engine: setting.options.engine.engine(state),
         observer,
-        echo,
+        echo: EchoWatch::new(engine.state()),
+        pressures: Pressures::of(engine.state()),
+        slices: Slices::new(FIRST_SLICE * engine.state().units.time),
+        engine,
         survey,
         survey_due,
         meter: Meter::default(),

@@ -188,6 +188,7 @@ pub fn run(
     };
     run.publish(None);
     run.go();
+    run.engine.settle();
     run.survey = Survey::of(run.engine.state(), &run.observer);
     run.publish(Some(run.engine.state().hash()));
     let state = run.engine.state();
@@ -316,6 +317,7 @@ impl Run<'_> {
             .ran(spent, self.time(), self.engine.counters().pair_collisions);
 
         if self.echo.back_at().is_some_and(|back| target >= back) {
+            self.engine.settle();
             self.echo.arrive(self.engine.state());
         }
         let at_row = target >= next_row;

@@ -46,7 +46,7 @@ pub fn image_pair_time(
 
 /// The later begin of two flights, and the way from the second ball to the first then.
 #[inline(always)]
-fn separation_at_later_begin(first: &Trajectory, second: &Trajectory) -> (Time, DVec3) {
+pub fn separation_at_later_begin(first: &Trajectory, second: &Trajectory) -> (Time, DVec3) {
     let lead = first.begin.since(second.begin);
     // One ball is at its reference, the other has flown since its own.
     let position =

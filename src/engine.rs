@@ -5,6 +5,7 @@ use crate::state::{State, Time};
 
 pub mod contact;
 pub mod event_driven;
+pub mod reversible;
 pub mod time_stepping;
 pub mod windowed;
 
@@ -21,6 +22,9 @@ pub trait Engine: Send {
 
     /// The gas.
     fn state(&self) -> &State;
+
+    /// Makes the state as exact as the engine knows it, for an engine that knows more than the state; changes no event.
+    fn settle(&mut self) {}
 
     /// Negates all velocities.
     fn reverse(&mut self);
@@ -51,6 +55,10 @@ pub struct Counters {
     pub ties: u64,
     /// Collisions of a ball at the same instant as its own collision before.
     pub zero_time_events: u64,
+    /// Collisions that had to be remembered because a reversed run could not find them: several of one ball at one instant.
+    pub remembered_events: u64,
+    /// Balls that overlap, or part from a touch, just as the run starts: at that instant a reversed run takes it for a collision.
+    pub irreversible_starts: u64,
     /// Most events ever in the calendar.
     pub queue_length_max: u64,
     /// Steps of an engine that goes in steps.

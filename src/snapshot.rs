@@ -86,6 +86,10 @@ pub struct Counts {
     pub ties: u64,
     /// Collisions of a ball at exactly the time of its own collision before.
     pub zero_time_events: u64,
+    /// Engine `reversible`: collisions that had to be remembered for the way back, because others shared their instant.
+    pub remembered_events: u64,
+    /// Engine `reversible`: balls that overlapped or touched at the start, which a reversed run cannot tell.
+    pub irreversible_starts: u64,
     /// Steps of engine `step`; zero with the others.
     pub steps: u64,
     /// Steps in which missed collisions were looked for.

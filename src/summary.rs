@@ -126,6 +126,8 @@ struct Counters {
     late_events: u64,
     ties: u64,
     zero_time_events: u64,
+    remembered_events: u64,
+    irreversible_starts: u64,
     steps: Option<u64>,
     audited_steps: Option<u64>,
     missed_collisions: Option<u64>,
@@ -180,6 +182,8 @@ impl<'s> Summary<'s> {
                 late_events: counts.late_events,
                 ties: counts.ties,
                 zero_time_events: counts.zero_time_events,
+                remembered_events: counts.remembered_events,
+                irreversible_starts: counts.irreversible_starts,
                 steps: in_steps(counts.steps),
                 audited_steps: in_steps(counts.audited_steps),
                 missed_collisions: in_steps(counts.missed_collisions)

@@ -159,7 +159,7 @@ fn the_summary_has_every_key_of_its_schema() {
     assert_eq!(keys(&summary["queue_length"]), "max now");
     assert_eq!(
         keys(&summary["counters"]),
-        "audited_steps cell_crossings double_bounces late_events missed_collisions stale_events steps ties zero_time_events"
+        "audited_steps cell_crossings double_bounces irreversible_starts late_events missed_collisions remembered_events stale_events steps ties zero_time_events"
     );
     assert_eq!(summary["exit"], "finished");
     assert!(summary["pair_collisions"].as_u64() > Some(2000));
@@ -439,7 +439,7 @@ fn bad_input_has_exit_code_2() {
     );
     check_refused(
         &["run", SCENE, "--engine", "warp"],
-        "possible values: auto, event, windowed, step",
+        "possible values: auto, event, windowed, reversible, step",
     );
     check_refused(&["run", SCENE, "--engine", "step"], "needs --dt T");
     check_refused(

@@ -5,6 +5,7 @@ use clap::ValueEnum;
 use crate::calendar::{Bounded, Indexed, Lazy};
 use crate::engine::Engine;
 use crate::engine::event_driven::EventDriven;
+use crate::engine::reversible::Reversible;
 use crate::engine::time_stepping::TimeStepping;
 use crate::engine::windowed::Windowed;
 use crate::quantity::plain;
@@ -21,6 +22,8 @@ pub enum EngineName {
     Event,
     /// The same collisions as event, many times faster for a dilute gas in a container
     Windowed,
+    /// Exact under time reversal, on integers: a reversed run comes back to the last bit
+    Reversible,
     /// In steps of --dt, inexact, for comparison
     Step,
 }
@@ -59,6 +62,8 @@ pub enum Choice {
     Event(CalendarName),
     /// [`Windowed`], on so many threads.
     Windowed(usize),
+    /// [`Reversible`].
+    Reversible,
     /// [`TimeStepping`], with steps of this length in the scene's units.
     Step(f64),
 }
@@ -95,6 +100,12 @@ impl Choice {
                 let words = "engine windowed runs balls that all can move, in a container without planes: give --engine event";
                 return Err(words.to_owned());
             }
+            (EngineName::Reversible, _) => {
+                Reversible::new(State::new(placement)).map_err(|refusal| {
+                    format!("engine reversible: {refusal}: give --engine event")
+                })?;
+                Self::Reversible
+            }
             (EngineName::Step, Some(step)) => Self::Step(step),
             (EngineName::Step, None) => {
                 return Err(
@@ -124,11 +135,15 @@ impl Choice {
         match self {
             Self::Event(_) => "event",
             Self::Windowed(_) => "windowed",
+            Self::Reversible => "reversible",
             Self::Step(_) => "step",
         }
     }
 
-    /// The engine itself.
+    /// The engine itself, for the balls that the choice was made for.
+    ///
+    /// # Panics
+    /// If the reversible engine refuses balls that it accepted when the choice was made.
     pub fn engine(&self, state: State) -> Box<dyn Engine> {
         match self {
             Self::Event(CalendarName::Indexed) => {
@@ -139,6 +154,9 @@ impl Choice {
                 Box::new(EventDriven::<Bounded>::with_calendar(state))
             }
             Self::Windowed(threads) => Box::new(Windowed::new(state, *threads)),
+            Self::Reversible => Box::new(
+                Reversible::new(state).expect("the choice was made for balls that it can run"),
+            ),
             Self::Step(step) => Box::new(TimeStepping::new(state, *step)),
         }
     }

@@ -201,6 +201,8 @@ pub fn counts(counters: &Counters) -> Counts {
         late_events: counters.late_events,
         ties: counters.ties,
         zero_time_events: counters.zero_time_events,
+        remembered_events: counters.remembered_events,
+        irreversible_starts: counters.irreversible_starts,
         steps: counters.steps,
         audited_steps: counters.audited_steps,
         missed_collisions: counters.missed_collisions,

@@ -157,19 +157,19 @@ pub fn run(
     let state = State::new(&placement);
     drop(placement);
     let observer = Observer::new(&state);
-    let echo = EchoWatch::new(&state);
     let survey_began = Instant::now();
     let survey = Survey::of(&state, &observer);
     let survey_due = survey_began + survey_pause(survey_began.elapsed());
+    let engine = setting.options.engine.engine(state);
     let mut run = Run {
         setting,
         inbox,
         slot,
-        pressures: Pressures::of(&state),
-        slices: Slices::new(FIRST_SLICE * state.units.time),
-        engine: setting.options.engine.engine(state),
         observer,
-        echo,
+        echo: EchoWatch::new(engine.state()),
+        pressures: Pressures::of(engine.state()),
+        slices: Slices::new(FIRST_SLICE * engine.state().units.time),
+        engine,
         survey,
         survey_due,
         meter: Meter::default(),
@@ -191,6 +191,7 @@ pub fn run(
     };
     run.publish(None);
     run.go();
+    run.engine.settle();
     run.survey = Survey::of(run.engine.state(), &run.observer);
     run.publish(Some(run.engine.state().hash()));
     let state = run.engine.state();
@@ -319,6 +320,7 @@ impl Run<'_> {
             .ran(spent, self.time(), self.engine.counters().pair_collisions);
 
         if self.echo.back_at().is_some_and(|back| target >= back) {
+            self.engine.settle();
             self.echo.arrive(self.engine.state());
         }
         let at_row = target >= next_row;

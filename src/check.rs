@@ -84,12 +84,12 @@ impl Report {
             temperature,
             expected,
             until,
-            cost_in_steps: None,
             cost: cost(
                 expected,
                 placement.domain.boundary == Boundary::Container,
                 until,
             ),
+            cost_in_steps: None,
             bytes_per_ball: BYTES_PER_BALL,
             memory_bytes: BYTES_PER_BALL * ball_count as u64,
             model: analysis::choices(placement),

@@ -58,10 +58,10 @@ pub struct Scene {
     pub domain: Domain,
     /// The domain's centre \[length\].
     pub center: DVec3,
-    /// What moves the balls, unless the command line says so.
-    pub engine: EngineName,
     /// The domain's planes as the file has them, for writing it again.
     pub planes: Vec<PlaneText>,
+    /// What moves the balls, unless the command line says so.
+    pub engine: EngineName,
     /// Simulated time at which the run ends, if the scene says so.
     pub until: Option<f64>,
     /// Simulated time between two rows of the series.
@@ -255,8 +255,8 @@ impl Scene {
                 seed: 1,
                 domain: region.domain,
                 center: region.center,
-                engine: EngineName::Auto,
                 planes: Vec::new(),
+                engine: EngineName::Auto,
                 until: None,
                 sample: format::default_sample(None, Some(Units::Reduced)),
                 species: Vec::new(),

@@ -159,6 +159,7 @@ fn exact_echo_of(n: usize, time: f64) -> Verdict {
     let mut engine = Reversible::new(state).expect("a scene within range");
     let start = engine.words();
     engine.advance(turn, &mut |_| {}).expect("room to move");
+    let drift = (engine.state().kinetic_energy() / energy - 1.0).abs();
     engine.reverse();
     engine.advance(end, &mut |_| {}).expect("room to move");
     let differ = |(start, end): (&Words, &Words)| -> usize {
@@ -177,8 +178,7 @@ fn exact_echo_of(n: usize, time: f64) -> Verdict {
         &different,
         &0,
     );
-    let drift = (engine.state().kinetic_energy() / energy - 1.0).abs();
-    verdict.at_most("energy", drift, 1e-13);
+    verdict.at_most("energy at the turn", drift, 1e-13);
     let events = counters.pair_collisions + counters.wall_collisions;
     let (ties, remembered) = (counters.ties, counters.remembered_events);
     verdict.note(format!(

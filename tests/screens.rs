@@ -5,7 +5,7 @@ mod fake;
 use std::sync::Arc;
 
 use moltop::feed::Command;
-use moltop::snapshot::{Phase, Snapshot};
+use moltop::snapshot::{Echo, Phase, Snapshot};
 use moltop::tui::Leave;
 use moltop::tui::app::{App, Overlay};
 use moltop::tui::picture::Mode;
@@ -26,6 +26,11 @@ fn watching(phase: &Phase, reversed: bool) -> App {
         if frame == 11 {
             snapshot.phase = phase.clone();
             snapshot.reversed = reversed;
+            snapshot.echo = reversed.then_some(Echo {
+                turned_at: 7.85e-9,
+                retraced: 0.63,
+                error: None,
+            });
         }
         app.observe(Arc::new(snapshot));
     }
@@ -78,6 +83,55 @@ fn a_paused_run() {
 #[test]
 fn a_reversed_run() {
     golden("reversed", &watching(&Phase::Running, true), 80, 24);
+}
+
+#[test]
+fn a_run_that_has_found_back() {
+    let mut app = watching(&Phase::Running, true);
+    let mut back = running(oxygen(), 12);
+    back.reversed = true;
+    back.echo = Some(Echo {
+        turned_at: 6.4e-9,
+        retraced: 1.0,
+        error: Some(3.1e-13),
+    });
+    app.observe(Arc::new(back));
+    golden("came_back", &app, 80, 24);
+}
+
+#[test]
+fn a_run_that_needs_a_look() {
+    let mut drifted = running(oxygen(), 12);
+    drifted.energy_drift = Some(3.0e-9);
+    drifted.momentum_drift = Some(2.0e-10);
+    let app = App::new(Arc::new(drifted), false);
+    golden("look", &app, 80, 24);
+    golden("look", &app, 120, 40);
+    golden("look", &app, 40, 12);
+}
+
+#[test]
+fn fixed_steps_say_what_they_miss() {
+    let mut stepped = running(small_gas(), 12);
+    stepped.engine = "step";
+    stepped.max_overlap = Some(3.0e-2);
+    stepped.counts.audited_steps = 40;
+    stepped.counts.missed_collisions = 12;
+    stepped.counts.double_bounces = 3;
+    let app = App::new(Arc::new(stepped), false);
+    golden("step", &app, 80, 24);
+    golden("step", &app, 120, 40);
+}
+
+#[test]
+fn integers_remember() {
+    let mut exact = running(small_gas(), 12);
+    exact.engine = "reversible";
+    exact.echo_horizon = None;
+    exact.counts.remembered_events = 44;
+    let app = App::new(Arc::new(exact), false);
+    golden("reversible", &app, 80, 24);
+    golden("reversible", &app, 120, 40);
 }
 
 #[test]

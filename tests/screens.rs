@@ -5,7 +5,7 @@ mod fake;
 use std::sync::Arc;
 
 use moltop::feed::Command;
-use moltop::snapshot::{Echo, Phase, Snapshot};
+use moltop::snapshot::{Boundary, Echo, Phase, SceneCard, Snapshot};
 use moltop::tui::Leave;
 use moltop::tui::app::{App, Overlay};
 use moltop::tui::picture::Mode;
@@ -185,6 +185,35 @@ fn the_whole_depth() {
 fn large_balls_in_reduced_units() {
     let app = App::new(Arc::new(running(small_gas(), 3)), false);
     golden("small_gas", &app, 120, 40);
+}
+
+/// A small gas in another domain, for the picture; a periodic box and open space have no walls to hit.
+fn in_domain(boundary: Boundary, planes: Vec<([f64; 3], f64)>) -> App {
+    let scene = SceneCard {
+        boundary,
+        planes,
+        ..small_gas()
+    };
+    let mut snapshot = running(scene, 3);
+    if boundary != Boundary::Container {
+        snapshot.pressure.wall = None;
+        snapshot.wall_rate = None;
+        snapshot.expected.wall_rate = None;
+    }
+    App::new(Arc::new(snapshot), false)
+}
+
+#[test]
+fn domains_and_planes() {
+    let half = 0.5_f64.sqrt();
+    let wedge = vec![([half, 0.0, half], -3.0), ([-half, 0.0, half], -3.0)];
+    let app = in_domain(Boundary::Container, wedge);
+    golden("planes", &app, 80, 24);
+    golden("planes", &app, 120, 40);
+    let periodic = in_domain(Boundary::Periodic, Vec::new());
+    golden("periodic", &periodic, 80, 24);
+    golden("periodic", &periodic, 120, 40);
+    golden("open", &in_domain(Boundary::Open, Vec::new()), 80, 24);
 }
 
 #[test]

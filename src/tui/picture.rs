@@ -6,6 +6,7 @@
 mod balls;
 mod density;
 mod edges;
+mod planes;
 
 use crate::snapshot::{Sample, SceneCard};
 use crate::tui::camera::{Camera, Projection};
@@ -26,8 +27,10 @@ pub enum Mode {
 pub enum Layer {
     /// Nothing.
     Empty,
-    /// An edge of the container.
+    /// An edge of the box.
     Edge,
+    /// The outline of a plane.
+    Plane,
     /// A molecule in the far, middle or near third of the slab.
     Molecule(u8),
     /// Density.
@@ -86,7 +89,8 @@ impl Picture {
         if picture.cells.is_empty() || !projection.scale.is_normal() {
             return picture;
         }
-        edges::draw(&mut picture, scene.size, &projection, glyphs);
+        edges::draw(&mut picture, scene, &projection, glyphs);
+        planes::draw(&mut picture, scene, &projection, glyphs);
         match mode {
             Mode::Slab => balls::draw(&mut picture, scene.radius, sample, &projection, glyphs),
             Mode::Depth => density::draw(&mut picture, scene, sample, &projection),

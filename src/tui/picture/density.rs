@@ -33,7 +33,8 @@ pub(super) fn draw(
     for (cell, count) in seen.iter().enumerate() {
         let (column, row) = ((cell % picture.width) as f64, (cell / picture.width) as f64);
         let expected = per_length * mean_chord(projection, scene.size, column, row);
-        if expected <= 0.0 {
+        // In open space balls leave the box.
+        if expected <= 0.0 && *count == 0.0 {
             continue;
         }
         let ratio = (count + LOAN) / (expected + LOAN);

@@ -1,5 +1,5 @@
 use super::*;
-use crate::snapshot::Units;
+use crate::snapshot::{Boundary, Units};
 use crate::tui::theme;
 
 fn scene(ball_count: usize, radius: f64) -> SceneCard {
@@ -8,7 +8,9 @@ fn scene(ball_count: usize, radius: f64) -> SceneCard {
         units: Units::Reduced,
         ball_count,
         packing_fraction: 0.1,
+        boundary: Boundary::Container,
         size: [10.0; 3],
+        planes: Vec::new(),
         center: [0.0; 3],
         radius,
         sample: 1.0,

@@ -83,7 +83,7 @@ fn place(scene: &SceneCard, room: u16) -> String {
         1 => "1 plane".into(),
         many => format!("{} planes", count(many as u64)),
     };
-    let both = format!("{faces}, {planes} + + +");
+    let both = format!("{faces}, {planes} × × ×");
     if width(&both) <= room { both } else { planes }
 }
 

@@ -2,8 +2,8 @@
 
 use ratatui::style::Style;
 
-use crate::snapshot::{Echo, Phase, Snapshot};
-use crate::tui::format::{MISSING, count, quantity, relative};
+use crate::snapshot::{Echo, Phase, Snapshot, Units};
+use crate::tui::format::{MISSING, count, plain, relative, si};
 use crate::tui::theme;
 
 /// How well time can be reversed: before a reversal how long that works, after it how far the way back has come.
@@ -26,10 +26,10 @@ fn horizon(snapshot: &Snapshot) -> String {
         }
         _ if snapshot.engine == "reversible" => "exact".into(),
         None => MISSING.into(),
-        Some(time) => format!(
-            "lost after {}",
-            quantity(Some(time), "s", snapshot.scene.units, 2)
-        ),
+        Some(time) => match snapshot.scene.units {
+            Units::Si => format!("lost after {}", si(time, "s", 2)),
+            Units::Reduced => format!("lost after time {}", plain(time, 2)),
+        },
     }
 }
 
@@ -67,7 +67,7 @@ pub(super) fn words(snapshot: &Snapshot) -> String {
         Verdict::ByDesign => "step: errors by design".into(),
         Verdict::Sound => "sound".into(),
         Verdict::Look(name, 0) => format!("LOOK: {name}"),
-        Verdict::Look(name, more) => format!("LOOK: {name}, {more} more"),
+        Verdict::Look(name, more) => format!("LOOK: {name}, +{more}"),
     }
 }
 

@@ -6,12 +6,18 @@ use crate::snapshot::{Echo, Phase, Snapshot, Units};
 use crate::tui::format::{MISSING, count, plain, relative, si};
 use crate::tui::theme;
 
+/// Distance from the start, in largest diameters, from which on the way back was lost.
+const FOUND: f64 = 0.1;
+
 /// How well time can be reversed: before a reversal how long that works, after it how far the way back has come.
 pub(super) fn echo(snapshot: &Snapshot) -> String {
     match snapshot.echo {
         Some(Echo {
             error: Some(error), ..
-        }) => format!("came back to {} d", relative(Some(error))),
+        }) if error < FOUND => format!("came back to {} d", relative(Some(error))),
+        Some(Echo {
+            error: Some(error), ..
+        }) => format!("lost, {} d off", plain(error, 2)),
         Some(Echo { retraced, .. }) if retraced >= 1.0 => "back, not compared".into(),
         Some(Echo { retraced, .. }) => format!("{:.0} % of the way back", 100.0 * retraced),
         None => horizon(snapshot),

@@ -184,6 +184,8 @@ pub struct Sample {
     /// Positions relative to the domain's centre \[length\], in an order that any prefix is a fair sample of the whole.
     /// The same index is the same ball in every snapshot.
     pub positions: Vec<[f32; 3]>,
+    /// Radii of the same balls \[length\].
+    pub radii: Vec<f32>,
     /// Names of the first entries, if the scene names balls; these are drawn tagged.
     pub names: Vec<String>,
 }

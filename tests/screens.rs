@@ -100,6 +100,18 @@ fn a_run_that_has_found_back() {
 }
 
 #[test]
+fn a_run_that_has_lost_its_way_back_says_by_how_much() {
+    let mut lost = running(oxygen(), 12);
+    lost.echo = Some(Echo {
+        turned_at: 6.4e-9,
+        retraced: 1.0,
+        error: Some(8.3),
+    });
+    let app = App::new(Arc::new(lost), false);
+    assert!(screen(&app, 80, 24).contains("lost, 8.3 d off"));
+}
+
+#[test]
 fn a_run_that_needs_a_look() {
     let mut drifted = running(oxygen(), 12);
     drifted.energy_drift = Some(3.0e-9);

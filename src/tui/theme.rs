@@ -72,7 +72,7 @@ pub const UNICODE: Glyphs = Glyphs {
     trail: '◦',
     edge: ['‾', '─', '_', '│', '╱', '╲'],
     open_edge: ['╌', '╌', '╌', '┆', '╱', '╲'],
-    plane: '+',
+    plane: '×',
 };
 
 /// Glyphs of a 7-bit terminal.
@@ -83,7 +83,7 @@ pub const ASCII: Glyphs = Glyphs {
     trail: ',',
     edge: ['-', '-', '_', '|', '/', '\\'],
     open_edge: ['-', '-', '-', '|', '/', '\\'],
-    plane: '+',
+    plane: 'x',
 };
 
 /// Shades from empty to full, for density and for the light on a ball.

@@ -204,6 +204,7 @@ fn sample(scene: &SceneCard, time: f64) -> Sample {
         })
     });
     Sample {
+        radii: vec![scene.radius as f32; count],
         positions: positions.collect(),
         names: Vec::new(),
     }

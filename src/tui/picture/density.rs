@@ -18,10 +18,10 @@ pub(super) fn draw(
     projection: &Projection,
 ) {
     let mut seen = vec![0.0_f64; picture.cells.len()];
-    let reach = scene.radius * projection.scale;
-    for position in &sample.positions {
+    for (position, radius) in sample.positions.iter().zip(&sample.radii) {
         let spot = projection.project(position.map(f64::from));
-        if super::balls::are_discs(scene.radius, projection.scale) {
+        let reach = f64::from(*radius) * projection.scale;
+        if super::balls::are_discs(f64::from(*radius), projection.scale) {
             spread(picture, &mut seen, spot.column, spot.row, reach);
         } else if let Some(cell) = picture.cell(spot.column, spot.row) {
             seen[cell] += 1.0;

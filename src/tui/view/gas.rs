@@ -83,7 +83,7 @@ fn place(scene: &SceneCard, room: u16) -> String {
         1 => "1 plane".into(),
         many => format!("{} planes", count(many as u64)),
     };
-    let both = format!("{faces}, {planes} + + +");
+    let both = format!("{faces}, {planes} × × ×");
     if width(&both) <= room { both } else { planes }
 }
 
@@ -108,8 +108,10 @@ fn words(portion: &Portion, mode: Mode, snapshot: &Snapshot, room: u16) -> Strin
         Mode::Depth => "density over the whole depth",
     };
     let depth = portion.slab.map_or(whole.into(), |slab| {
-        let edge = length(mean_edge(snapshot.scene.size), units, 3);
-        format!("slab {} of {edge}", length(slab, units, 2))
+        let edge = mean_edge(snapshot.scene.size);
+        let digits = if slab < 0.9 * edge { 2 } else { 3 };
+        let slab = length(slab, units, digits);
+        format!("slab {slab} of {}", length(edge, units, 3))
     });
     [
         format!("{depth} · {share} of the molecules"),

@@ -159,9 +159,15 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
 fn pressure_remark(snapshot: &Snapshot, measured: Option<f64>) -> String {
     let error = snapshot.pressure.standard_error;
     let off = sigmas(measured, snapshot.expected.pressure, error);
-    let factor = snapshot.compressibility_factor;
-    let factor = format!("Z {}", factor.map_or(MISSING.into(), |z| plain(z, 5)));
+    let factor = format!("Z {}", factor(snapshot, 5));
     off.map_or(factor.clone(), |off| format!("{off}  {factor}"))
+}
+
+/// `p V / (N k T)`; planes cut off a part of the volume that is not known.
+pub(super) fn factor(snapshot: &Snapshot, digits: usize) -> String {
+    let known = snapshot.scene.planes.is_empty();
+    let factor = snapshot.compressibility_factor.filter(|_| known);
+    factor.map_or(MISSING.into(), |factor| plain(factor, digits))
 }
 
 /// Events per simulated time.

@@ -120,22 +120,24 @@ fn plain_row(label: &'static str, value: String) -> Row {
     }
 }
 
-/// The figures that tell most of this engine, in one row.
+/// What tells most of this engine, in one row.
 fn short_figures(snapshot: &Snapshot) -> Vec<Row> {
-    let counts = &snapshot.counts;
+    let own = own_figure(snapshot);
     let overlap = relative(snapshot.max_overlap);
-    let (label, value) = match snapshot.engine {
-        "step" => ("missed, doubled", missed(snapshot)),
-        "reversible" => (
-            "overlap, remembered",
-            format!("{overlap}, {}", count(counts.remembered_events)),
-        ),
-        _ => (
-            "overlap, ΔE/E",
-            format!("{overlap}, {}", relative(snapshot.energy_drift)),
-        ),
-    };
-    vec![plain_row(label, value)]
+    let drift = relative(snapshot.energy_drift);
+    vec![own.unwrap_or_else(|| plain_row("overlap, ΔE/E", format!("{overlap}, {drift}")))]
+}
+
+/// A figure that only this engine has.
+fn own_figure(snapshot: &Snapshot) -> Option<Row> {
+    match snapshot.engine {
+        "step" => Some(plain_row("missed, doubled", missed(snapshot))),
+        "reversible" => Some(plain_row(
+            "remembered events",
+            count(snapshot.counts.remembered_events),
+        )),
+        _ => None,
+    }
 }
 
 /// Every figure of the accuracy card with its limit, and what else counts with this engine.
@@ -157,14 +159,7 @@ fn figures(snapshot: &Snapshot) -> Vec<Row> {
             }
         })
         .collect();
-    match snapshot.engine {
-        "step" => rows.push(plain_row("missed, doubled", missed(snapshot))),
-        "reversible" => rows.push(plain_row(
-            "remembered events",
-            count(snapshot.counts.remembered_events),
-        )),
-        _ => {}
-    }
+    rows.extend(own_figure(snapshot));
     rows
 }
 
@@ -193,9 +188,6 @@ fn details(snapshot: &Snapshot) -> Vec<Row> {
     let counts = &snapshot.counts;
     let off = percent_off(snapshot.wall_rate, snapshot.expected.wall_rate);
     let walls = now::rate(snapshot.wall_rate, units);
-    let factor = snapshot
-        .compressibility_factor
-        .map_or(MISSING.into(), |z| plain(z, 6));
     let details = vec![
         ("wall hits", join(&walls, off)),
         (
@@ -206,7 +198,7 @@ fn details(snapshot: &Snapshot) -> Vec<Row> {
             "virial pressure",
             quantity(snapshot.pressure.virial, "Pa", units, 5),
         ),
-        ("Z = p V / N k T", factor),
+        ("Z = p V / N k T", now::factor(snapshot, 6)),
         ("molecules", count(snapshot.scene.ball_count as u64)),
         (
             "packing fraction",

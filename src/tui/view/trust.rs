@@ -2,16 +2,22 @@
 
 use ratatui::style::Style;
 
-use crate::snapshot::{Echo, Phase, Snapshot};
-use crate::tui::format::{MISSING, count, quantity, relative};
+use crate::snapshot::{Echo, Phase, Snapshot, Units};
+use crate::tui::format::{MISSING, count, plain, relative, si};
 use crate::tui::theme;
+
+/// Distance from the start, in largest diameters, from which on the way back was lost.
+const FOUND: f64 = 0.1;
 
 /// How well time can be reversed: before a reversal how long that works, after it how far the way back has come.
 pub(super) fn echo(snapshot: &Snapshot) -> String {
     match snapshot.echo {
         Some(Echo {
             error: Some(error), ..
-        }) => format!("came back to {} d", relative(Some(error))),
+        }) if error < FOUND => format!("came back to {} d", relative(Some(error))),
+        Some(Echo {
+            error: Some(error), ..
+        }) => format!("lost, {} d off", plain(error, 2)),
         Some(Echo { retraced, .. }) if retraced >= 1.0 => "back, not compared".into(),
         Some(Echo { retraced, .. }) => format!("{:.0} % of the way back", 100.0 * retraced),
         None => horizon(snapshot),
@@ -26,10 +32,10 @@ fn horizon(snapshot: &Snapshot) -> String {
         }
         _ if snapshot.engine == "reversible" => "exact".into(),
         None => MISSING.into(),
-        Some(time) => format!(
-            "lost after {}",
-            quantity(Some(time), "s", snapshot.scene.units, 2)
-        ),
+        Some(time) => match snapshot.scene.units {
+            Units::Si => format!("lost after {}", si(time, "s", 2)),
+            Units::Reduced => format!("lost after time {}", plain(time, 2)),
+        },
     }
 }
 
@@ -67,7 +73,7 @@ pub(super) fn words(snapshot: &Snapshot) -> String {
         Verdict::ByDesign => "step: errors by design".into(),
         Verdict::Sound => "sound".into(),
         Verdict::Look(name, 0) => format!("LOOK: {name}"),
-        Verdict::Look(name, more) => format!("LOOK: {name}, {more} more"),
+        Verdict::Look(name, more) => format!("LOOK: {name}, +{more}"),
     }
 }
 

@@ -6,6 +6,7 @@ use clap::builder::FalseyValueParser;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 
+use crate::experiment::extremes;
 use crate::generate::{Draw, Format, GASES};
 use crate::worker::engines::{CalendarName, EngineName};
 
@@ -60,6 +61,9 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Measure the program itself
+    #[command(subcommand)]
+    Experiment(Experiment),
     /// Write a scene made from a few numbers
     Generate {
         /// What to make
@@ -96,6 +100,17 @@ pub enum Command {
     /// Print the manual page
     #[command(after_help = "Example: moltop man | man -l -")]
     Man,
+}
+
+/// What to measure.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Experiment {
+    /// Numbers at their limits: 42 rows, each measured against a threshold, with a verdict
+    #[command(
+        after_help = "Tier A takes a minute, B a few minutes, C an hour. Exit code 1 if a row fails.\n\n\
+                      Examples:\n  moltop experiment extremes --quick --out results\n  moltop experiment extremes --row 8 25"
+    )]
+    Extremes(extremes::Options),
 }
 
 /// What `generate` makes.

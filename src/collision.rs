@@ -160,6 +160,13 @@ pub fn collide(separation: DVec3, velocities: [DVec3; 2], masses: [f64; 2]) -> [
     let [first, second] = velocities;
     let distance_squared = separation.length_squared();
     if masses[0] == masses[1] {
+        // Along an axis the balls simply exchange that component, which needs no rounding: a gas on a line keeps its
+        // velocities bit for bit.
+        if let Some(axis) = only_axis(separation) {
+            let (mut first, mut second) = (first, second);
+            std::mem::swap(&mut first[axis], &mut second[axis]);
+            return [first, second];
+        }
         let exchanged = separation * ((first - second).dot(separation) / distance_squared);
         return [first - exchanged, second + exchanged];
     }
@@ -182,6 +189,18 @@ pub fn collide(separation: DVec3, velocities: [DVec3; 2], masses: [f64; 2]) -> [
         first + separation * ((heavy_after - heavy) / distance_squared),
         second + separation * ((light_after - light) / distance_squared),
     ]
+}
+
+/// The axis along which a vector points exactly, if it does.
+#[inline]
+fn only_axis(vector: DVec3) -> Option<usize> {
+    let [x, y, z] = vector.to_array().map(|component| component != 0.0);
+    match [x, y, z] {
+        [true, false, false] => Some(0),
+        [false, true, false] => Some(1),
+        [false, false, true] => Some(2),
+        _ => None,
+    }
 }
 
 #[cfg(test)]

@@ -38,6 +38,7 @@ pub mod units;
 pub mod check;
 pub mod cli;
 pub mod convert;
+pub mod experiment;
 pub mod feed;
 pub mod generate;
 pub mod headless;

@@ -7,9 +7,10 @@ use std::time::Instant;
 
 use clap::{CommandFactory, Parser};
 use moltop::check::Report;
-use moltop::cli::{Cli, Command, Generate, RunOptions};
+use moltop::cli::{Cli, Command, Experiment, Generate, RunOptions};
 use moltop::convert::convert;
 use moltop::error::{Error, Result};
+use moltop::experiment::extremes;
 use moltop::generate::{self, Balls, Extent, GASES};
 use moltop::headless;
 use moltop::output::Target;
@@ -26,6 +27,7 @@ fn main() -> ExitCode {
         None => watch(&cli.watch, program_start),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
+        Some(Command::Experiment(Experiment::Extremes(options))) => extremes::run(&options),
         Some(Command::Generate { what }) => generate(&what),
         Some(Command::Convert {
             input,

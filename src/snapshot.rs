@@ -190,6 +190,19 @@ pub struct Sample {
     pub names: Vec<String>,
 }
 
+/// A ball that the scene names, and how far it has come.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NamedBall {
+    /// Its name.
+    pub name: String,
+    /// Where it is, in the scene's coordinates; in a periodic box as if it had never been moved back \[length\].
+    pub position: [f64; 3],
+    /// Square of its distance from where it started \[length^2\].
+    pub displacement_squared: f64,
+    /// Mean of that over all courses of events, for a heavy ball in a periodic gas (Langevin).
+    pub expected_displacement_squared: Option<f64>,
+}
+
 /// Everything a screen or a summary may know of a run at one moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Snapshot {
@@ -262,6 +275,8 @@ pub struct Snapshot {
     pub peak_rss_bytes: Option<u64>,
     /// Hash of time and state, synchronised; only in the last snapshot of a run.
     pub state_hash: Option<u64>,
+    /// The balls that the scene names.
+    pub named: Vec<NamedBall>,
     /// The run's history, oldest first, bounded.
     pub history: Arc<Vec<HistoryPoint>>,
     /// Balls for the picture; `None` while nobody watches.

@@ -8,7 +8,7 @@ use serde_json::Serializer;
 use serde_json::ser::{Formatter, PrettyFormatter};
 
 use crate::quantity::{Quantity, duration, quantity};
-use crate::snapshot::{Check, Echo, Phase, Pressure, Snapshot, Speeds, Units};
+use crate::snapshot::{Check, Echo, NamedBall, Phase, Pressure, Snapshot, Speeds, Units};
 
 /// Name and version of the summary's format.
 pub const SCHEMA: &str = "moltop.summary/1";
@@ -87,6 +87,7 @@ pub struct Summary<'s> {
     counters: Counters,
     peak_rss_bytes: Option<u64>,
     state_hash: Option<String>,
+    named_balls: &'s [NamedBall],
     exit: String,
 }
 
@@ -190,6 +191,7 @@ impl<'s> Summary<'s> {
                 double_bounces: in_steps(counts.double_bounces),
             },
             peak_rss_bytes: snapshot.peak_rss_bytes,
+            named_balls: &snapshot.named,
             state_hash: snapshot.state_hash.map(|hash| format!("{hash:016x}")),
             exit: exit.words(),
         }
@@ -288,12 +290,12 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
     );
     let Pressure {
         wall,
+        virial, // a periodic box has no walls
         standard_error,
-        ..
     } = snapshot.pressure;
     let expected = show(snapshot.expected.pressure, Quantity::Pressure);
     let (wall, error) = (
-        show(wall, Quantity::Pressure),
+        show(wall.or(virial), Quantity::Pressure),
         show(standard_error, Quantity::Pressure),
     );
     line(
@@ -304,6 +306,15 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
         "mean free path",
         show(snapshot.mean_free_path, Quantity::Length),
     );
+    for ball in &snapshot.named {
+        let root = |squared: f64| show(Some(squared.sqrt()), Quantity::Length);
+        let expected = ball.expected_displacement_squared.map_or_else(
+            || "–".to_owned(),
+            |expected| format!("{} root mean square", root(expected)),
+        );
+        let moved = root(ball.displacement_squared);
+        line(&ball.name, format!("moved {moved} (theory {expected})"));
+    }
     let drift = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.1e}"));
     line("energy drift", drift(snapshot.energy_drift));
     line("largest overlap", drift(snapshot.max_overlap));
@@ -381,6 +392,7 @@ mod tests {
             queue_length_max: 0,
             peak_rss_bytes: None,
             state_hash: Some(0xab),
+            named: Vec::new(),
             history: Arc::default(),
             sample: None,
         }

@@ -14,9 +14,9 @@ fn run(name: &str, until: f64) -> (Arc<Snapshot>, Outcome) {
     let scene = Scene::load(Path::new(&format!("configs/{name}.toml"))).expect("a good scene");
     let placement = scene.place().expect("a good scene");
     let options = Options {
+        engine: Choice::default(),
         until: Some(until),
         series: None,
-        engine: Choice::default(),
         program_start: Instant::now(),
     };
     let outcome = Worker::start(&scene, placement, options).join();

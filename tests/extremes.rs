@@ -252,12 +252,6 @@ fn a_gas_of_packing_fraction_1e_8_collides_about_as_often_as_theory_says() {
     check_thin_gas(100);
 }
 
-#[test]
-#[ignore = "minutes: a ball crosses some 20,000 cells between two collisions"]
-fn a_gas_of_packing_fraction_1e_8_collides_as_often_as_theory_says() {
-    check_thin_gas(10_000);
-}
-
 /// Row 21.
 #[test]
 fn what_rests_stays_and_what_is_alone_meets_walls_only() {
@@ -455,7 +449,6 @@ fn a_mixture_shares_its_heat_and_collides_as_theory_says() {
 
 /// Row 39. Equal balls on a line exchange their velocities: which there are never changes.
 #[test]
-#[ignore = "fails: engine `event` rounds the exchange of velocities"]
 fn balls_on_a_line_keep_their_velocities_bit_for_bit() {
     let mut random = random(39);
     let balls: Vec<_> = (0..1000)

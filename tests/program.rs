@@ -143,7 +143,7 @@ fn the_summary_has_every_key_of_its_schema() {
     assert_eq!(
         keys(&summary),
         "accuracy collision_rate collisions_per_wall_second compressibility_factor counters echo echo_horizon energy_drift engine exit kinetic_energy \
-         max_overlap mean_free_path momentum_drift pair_collisions peak_rss_bytes plane_collisions pressure queue_length \
+         max_overlap mean_free_path momentum_drift named_balls pair_collisions peak_rss_bytes plane_collisions pressure queue_length \
          scene schema setup_time_s speeds state_hash temperature time virial_residual wall_collisions wall_time_s"
     );
     assert_eq!(

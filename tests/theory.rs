@@ -5,10 +5,12 @@
 use std::path::Path;
 use std::time::Instant;
 
+use moltop::calendar::Indexed;
 use moltop::engine::Engine;
 use moltop::engine::event_driven::EventDriven;
+use moltop::engine::windowed::Windowed;
 use moltop::scene::Scene;
-use moltop::scene::analysis::Theory;
+use moltop::scene::analysis::{Brownian, Theory};
 use moltop::state::State;
 use moltop::worker::engines::Choice;
 use moltop::worker::{Options, Worker};
@@ -84,8 +86,13 @@ fn a_mixture_behaves_as_expected() {
 fn check_rate(name: &str, settle: f64, until: f64) {
     let scene = Scene::load(Path::new(&format!("configs/{name}.toml"))).expect("a good scene");
     let placement = scene.place().expect("a good scene");
-    let mut engine = EventDriven::new(State::new(&placement));
-    let units = engine.state().units;
+    let state = State::new(&placement);
+    let units = state.units;
+    let mut engine: Box<dyn Engine> = if Windowed::pays(&placement) {
+        Box::new(Windowed::new(state, 2))
+    } else {
+        Box::new(EventDriven::<Indexed>::new(state))
+    };
     let mut counted = [0; 2];
     for (count, time) in counted.iter_mut().zip([settle, until]) {
         engine
@@ -133,4 +140,42 @@ fn the_collision_rate_of_oxygen_is_known_before_it_runs() {
 #[test]
 fn the_collision_rate_beside_a_grain_is_known_before_it_runs() {
     check_rate("brownian", 5e-10, 2.5e-9);
+}
+
+/// The mean squared displacement of a heavy ball over many courses of events, before and after its relaxation time.
+#[test]
+fn a_heavy_ball_wanders_as_far_as_langevin_says() {
+    const SEEDS: u32 = 60;
+    let text = "units = \"reduced\"\n[domain]\nkind = \"periodic\"\nsize = [20, 20, 20]\n\
+                [[species]]\ncount = 2000\nradius = 0.25\nmass = 1\nplacement = { kind = \"random\" }\n\
+                velocity = { kind = \"maxwell\", temperature = 1 }\n\
+                [[ball]]\nname = \"grain\"\nposition = [0, 0, 0]\nradius = 1\nmass = 50\n";
+    let times = [5.0, 50.0];
+    let (mut found, mut expected) = ([0.0; 2], [0.0; 2]);
+    for seed in 1..=SEEDS {
+        let mut scene = Scene::parse(Path::new("grain.toml"), text).expect("a good scene");
+        scene.seed = u64::from(seed);
+        let placement = scene.place().expect("a good scene");
+        let theory = Brownian::new(&placement, scene.units, 2000).expect("a heavy ball");
+        let mut engine = EventDriven::new(State::new(&placement));
+        let units = engine.state().units;
+        for (index, time) in times.into_iter().enumerate() {
+            engine
+                .advance(units.instant(time), &mut |_| ())
+                .expect("balls with room");
+            let moved = engine.state().unwrapped_position(2000) * units.length;
+            found[index] += moved.length_squared();
+            expected[index] += theory.displacement_squared(1.0, time);
+        }
+    }
+    for (found, expected) in found.into_iter().zip(expected) {
+        // A sum of squares of three normal deviates, so many times.
+        let tolerance = 3.0 * (2.0 / 3.0 / f64::from(SEEDS)).sqrt();
+        println!("{} of the expected square", found / expected);
+        assert!(
+            (found / expected - 1.0).abs() < tolerance,
+            "{}",
+            found / expected
+        );
+    }
 }

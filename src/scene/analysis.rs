@@ -4,6 +4,7 @@
 //! `n_i n_j d_ij^2 sqrt(8 pi kT / mu_ij) g_ij` (Enskog's theory). In a container walls add their share. Where theory knows
 //! nothing it says nothing: of a handful of balls, in open space, beside planes and obstacles, between freezing and melting.
 
+mod brownian;
 mod bulk;
 mod choices;
 mod container;
@@ -17,6 +18,7 @@ use crate::domain::Boundary;
 use crate::snapshot::{Expected, Units};
 use crate::state::{Body, Placement};
 
+pub use brownian::Brownian;
 pub use choices::choices;
 
 /// Fewer balls than this have no averages that theory could know.

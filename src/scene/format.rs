@@ -1,5 +1,6 @@
 //! The scene file: TOML in, a checked [`Scene`] or all its faults out.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use clap::ValueEnum;
@@ -60,8 +61,16 @@ fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) ->
     }
     let ball_tables = table.tables("ball", "[[ball]]", faults);
     let mut balls = Vec::with_capacity(ball_tables.len());
+    let mut names = HashSet::new();
     for table in ball_tables {
-        balls.extend(read_ball(table, faults));
+        let at = table.span.start;
+        let ball = read_ball(table, faults);
+        if let Some(name) = ball.as_ref().and_then(|ball| ball.name.as_ref())
+            && !names.insert(name.clone())
+        {
+            faults.add(at, &format!("name = {name:?}: another [[ball]] has it"));
+        }
+        balls.extend(ball);
     }
     let center = domain.as_ref().map_or(DVec3::ZERO, |region| region.center);
     let mut planes = Vec::new();

@@ -70,7 +70,17 @@ impl<'t> Faults<'t> {
             .chars()
             .take(60)
             .collect();
-        self.add(offset, &format!("{line}: {words}"));
+        // A comma between two digits of a bare number is a decimal comma.
+        let value = line.split_once('=').map_or("", |(_, value)| value.trim());
+        let comma = value.split_once(',').is_some_and(|(whole, rest)| {
+            whole.parse::<f64>().is_ok() && rest.starts_with(|letter: char| letter.is_ascii_digit())
+        });
+        let hint = if comma {
+            ": use a dot, not a comma"
+        } else {
+            ""
+        };
+        self.add(offset, &format!("{line}: {words}{hint}"));
     }
 
     /// Adds the lines of another file's faults.

@@ -5,6 +5,7 @@
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
+use clap::ValueEnum;
 use glam::DVec3;
 
 use super::seed_text::SI_COMMENT;
@@ -74,6 +75,12 @@ impl Scene {
             vector(2.0 * self.domain.half_size),
         );
         text += "\n[run]\n";
+        if let Some(engine) = self.engine.to_possible_value() {
+            put(
+                &mut text,
+                format_args!("engine = \"{}\"\n", engine.get_name()),
+            );
+        }
         if let Some(until) = self.until {
             put(&mut text, format_args!("until = {until:?}\n"));
         }

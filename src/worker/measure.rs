@@ -2,12 +2,16 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use crate::domain::Boundary;
 use crate::engine::Counters;
 use crate::observe::Observer;
 use crate::observe::speeds::Speeds;
-use crate::snapshot::{self, Counts, Pressure, Sample};
-use crate::state::State;
+use crate::scene::Scene;
+use crate::scene::analysis::Brownian;
+use crate::snapshot::{self, Counts, NamedBall, Pressure, Sample};
+use crate::state::{Placement, State};
 
 /// Balls in a sample for the picture, at the most.
 const MOST_SAMPLED: usize = 20_000;
@@ -147,6 +151,42 @@ impl Pressures {
     pub fn virial_share(&self, virial_rate: f64) -> Option<f64> {
         self.open
             .map(|(volume, _)| virial_rate / 3.0 / volume * self.scale)
+    }
+}
+
+/// A named ball: where it started, and what theory expects of it.
+pub struct Named {
+    name: String,
+    ball: usize,
+    start: DVec3,
+    theory: Option<Brownian>,
+}
+
+impl Named {
+    /// The named balls of a scene.
+    pub fn all(scene: &Scene, placement: &Placement) -> Vec<Self> {
+        let named = scene.named_balls().into_iter();
+        named
+            .map(|(name, ball)| Self {
+                name,
+                ball,
+                start: placement.positions[ball],
+                theory: Brownian::new(placement, scene.units, ball),
+            })
+            .collect()
+    }
+
+    /// How far it has come by now; theory has nothing to say without a temperature.
+    pub fn at(&self, state: &State, temperature: Option<f64>, time: f64) -> NamedBall {
+        let position = state.unwrapped_position(self.ball) * state.units.length + state.center;
+        let theory = self.theory.zip(temperature);
+        NamedBall {
+            name: self.name.clone(),
+            position: position.to_array(),
+            displacement_squared: (position - self.start).length_squared(),
+            expected_displacement_squared: theory
+                .map(|(theory, temperature)| theory.displacement_squared(temperature, time)),
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use super::echo::{EchoWatch, horizon};
-use super::measure::{self, Pressures, Settled, Survey};
+use super::measure::{self, Named, Pressures, Settled, Survey};
 use super::pace::{Meter, Slices};
 use super::{Options, Slot};
 use crate::engine::{Engine, Stuck};
@@ -43,6 +43,7 @@ pub struct Setting {
     card: Arc<SceneCard>,
     theory: Theory,
     names: Vec<String>,
+    named: Vec<Named>,
     sampled: Vec<u32>,
     options: Options,
 }
@@ -55,6 +56,7 @@ impl Setting {
             card: Arc::new(scene.card(placement)),
             theory: Theory::new(placement, scene.units),
             sampled: measure::sampled_balls(placement.positions.len(), &named),
+            named: Named::all(scene, placement),
             names: named.into_iter().map(|(name, _)| name).collect(),
             options,
         }
@@ -97,6 +99,7 @@ impl Setting {
             queue_length_max: 0,
             peak_rss_bytes: None,
             state_hash: None,
+            named: Vec::new(),
             history: Arc::default(),
             sample: None,
         }
@@ -478,6 +481,12 @@ impl Run<'_> {
             queue_length_max: counters.queue_length_max,
             peak_rss_bytes: measure::peak_memory(),
             state_hash,
+            named: self
+                .setting
+                .named
+                .iter()
+                .map(|ball| ball.at(state, temperature.filter(|_| !self.reversed), time))
+                .collect(),
             history: self.history.points(),
             sample: self.watched.then(|| {
                 Arc::new(measure::sample(

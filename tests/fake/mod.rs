@@ -98,6 +98,7 @@ pub fn starting(scene: SceneCard) -> Snapshot {
         queue_length_max: 0,
         peak_rss_bytes: None,
         state_hash: None,
+        named: Vec::new(),
         history: Arc::new(Vec::new()),
         sample: None,
     }

@@ -1,0 +1,11 @@
+//! Experiments: what the program says about itself, measured by itself.
+//!
+//! Each is a command of its own, `moltop experiment NAME`. Gases are made directly, without scene files, and run on the
+//! calling thread: an experiment is the place where simulated time and wall time are compared on purpose.
+
+pub mod all_pairs;
+pub mod double_double;
+pub mod extremes;
+pub mod gases;
+pub mod theory;
+pub mod trial;

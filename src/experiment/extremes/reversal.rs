@@ -1,0 +1,189 @@
+//! Rows 25 to 27 and 40: there and back, exactly or as far as chaos lets rounding go.
+
+use super::Verdict;
+use crate::engine::Engine;
+use crate::engine::reversible::{Reversible, Words};
+use crate::experiment::gases::seed_scene;
+use crate::experiment::trial::{EVENT, Trial};
+use crate::state::{Placement, State};
+
+/// Mean distance between the balls of two gases.
+fn mean_distance(first: &Placement, second: &Placement) -> f64 {
+    let pairs = first.positions.iter().zip(&second.positions);
+    pairs.map(|(a, b)| a.distance(*b)).sum::<f64>() / first.positions.len() as f64
+}
+
+/// There for `time` and back: the mean error of position, and all collisions.
+fn echo_error(seed: u64, time: f64) -> (f64, Trial) {
+    let gas = seed_scene(8, seed);
+    let mut trial = Trial::new(EVENT, &gas);
+    trial.run(time);
+    trial.reverse();
+    trial.run(2.0 * time);
+    (mean_distance(&gas, &trial.state().placement()), trial)
+}
+
+/// Row 25.
+pub fn echo() -> Verdict {
+    let mut verdict = Verdict::default();
+    for (time, bound, events) in [
+        (1.0, 5e-14, 1250.0),
+        (6.0, 3e-6, 8650.0),
+        (11.0, 1.3, 16_100.0),
+        (16.0, 6.0, 23_200.0),
+    ] {
+        let runs: Vec<_> = (1..=5).map(|seed| echo_error(seed, time)).collect();
+        let mean = runs.iter().map(|run| run.0).sum::<f64>() / 5.0;
+        verdict.at_most(
+            format!("{time} s there and back: error of position"),
+            mean,
+            bound,
+        );
+        let counts: Vec<f64> = runs.iter().map(|run| run.1.events() as f64).collect();
+        let farthest = counts.iter().fold(0.0_f64, |worst, count| {
+            worst.max((count / events - 1.0).abs())
+        });
+        let what = format!("{time} s: collisions over {events}, farthest from 1");
+        verdict.at_most(what, farthest, 0.08);
+    }
+    verdict
+}
+
+/// Slope of a straight line through points, by least squares.
+fn slope(points: &[(f64, f64)]) -> f64 {
+    let count = points.len() as f64;
+    let (x, y) = points
+        .iter()
+        .fold((0.0, 0.0), |(x, y), point| (x + point.0, y + point.1));
+    let (x, y) = (x / count, y / count);
+    let products: f64 = points
+        .iter()
+        .map(|point| (point.0 - x) * (point.1 - y))
+        .sum();
+    let squares: f64 = points
+        .iter()
+        .map(|point| (point.0 - x) * (point.0 - x))
+        .sum();
+    products / squares
+}
+
+/// Collisions per ball and time.
+fn rate(trial: &Trial) -> f64 {
+    let pairs = trial.engine.counters().pair_collisions as f64;
+    2.0 * pairs / trial.state().ball_count() as f64 / trial.time()
+}
+
+/// Growth per collision of a ball, from the logarithms of errors at whole times 1 to 9, averaged over five seeds.
+fn growth_per_collision(mut error: impl FnMut(u64, f64) -> (f64, f64)) -> (f64, f64) {
+    let mut points = Vec::new();
+    let mut rates = 0.0;
+    for time in 1..=9 {
+        let time = f64::from(time);
+        let runs: Vec<_> = (1..=5).map(|seed| error(seed, time)).collect();
+        let logarithm = runs.iter().map(|run| libm::log(run.0)).sum::<f64>() / 5.0;
+        rates = runs.iter().map(|run| run.1).sum::<f64>() / 5.0;
+        points.push((time, logarithm));
+    }
+    (slope(&points) / rates, rates)
+}
+
+/// Row 27.
+pub fn growth() -> Verdict {
+    let mut verdict = Verdict::default();
+    let (found, rate) = growth_per_collision(|seed, time| {
+        let (error, trial) = echo_error(seed, time);
+        (error, rate(&trial))
+    });
+    verdict.near(
+        "growth exponent per collision of a ball",
+        found,
+        1.55,
+        0.155,
+    );
+    verdict.note(format!(
+        "{rate:.3} collisions per ball and s; errors of 1 to 9 s, {:.0} collisions per ball",
+        8.0 * rate
+    ));
+    verdict
+}
+
+/// Row 40.
+pub fn one_bit() -> Verdict {
+    let mut verdict = Verdict::default();
+    let (found, _) = growth_per_collision(|seed, time| {
+        let gas = seed_scene(8, seed);
+        let mut changed = gas.clone();
+        let component = &mut changed.velocities[100].x;
+        // Not the last bit: that one is lost where velocities are added to positions.
+        *component = f64::from_bits(component.to_bits() ^ 1 << 8);
+        let run = |gas: &Placement| {
+            let mut trial = Trial::new(EVENT, gas);
+            trial.run(time);
+            trial
+        };
+        let (first, second) = (run(&gas), run(&changed));
+        let error = mean_distance(&first.state().placement(), &second.state().placement());
+        (error, rate(&first))
+    });
+    let (echo, _) = growth_per_collision(|seed, time| {
+        let (error, trial) = echo_error(seed, time);
+        (error, rate(&trial))
+    });
+    verdict.near(
+        "growth exponent of one bit over that of the echo",
+        found / echo,
+        1.0,
+        0.1,
+    );
+    verdict.note(format!(
+        "one bit {found:.3}, echo {echo:.3} per collision of a ball"
+    ));
+    verdict
+}
+
+/// Row 26, 16 s.
+pub fn exact_echo() -> Verdict {
+    exact_echo_of(8, 16.0)
+}
+
+/// Row 26, 64 balls, 2000 s.
+pub fn long_exact_echo() -> Verdict {
+    exact_echo_of(4, 2000.0)
+}
+
+fn exact_echo_of(n: usize, time: f64) -> Verdict {
+    let mut verdict = Verdict::default();
+    let state = State::new(&seed_scene(n, 1));
+    let energy = state.kinetic_energy();
+    let turn = state.units.instant(time);
+    let end = state.units.instant(2.0 * time);
+    let mut engine = Reversible::new(state).expect("a scene within range");
+    let start = engine.words();
+    engine.advance(turn, &mut |_| {}).expect("room to move");
+    let drift = (engine.state().kinetic_energy() / energy - 1.0).abs();
+    engine.reverse();
+    engine.advance(end, &mut |_| {}).expect("room to move");
+    let differ = |(start, end): (&Words, &Words)| -> usize {
+        (0..3)
+            .map(|axis| {
+                usize::from(start.0[axis] != end.0[axis])
+                    + usize::from(start.1[axis] != -end.1[axis])
+            })
+            .sum()
+    };
+    let words = engine.words();
+    let different: usize = start.iter().zip(&words).map(differ).sum();
+    let counters = engine.counters();
+    verdict.equal(
+        format!("words that differ of {}", 6 * start.len()),
+        &different,
+        &0,
+    );
+    verdict.at_most("energy at the turn", drift, 1e-13);
+    let events = counters.pair_collisions + counters.wall_collisions;
+    let (ties, remembered) = (counters.ties, counters.remembered_events);
+    verdict.note(format!(
+        "{events} collisions there and back, {ties} ties, {remembered} remembered"
+    ));
+    verdict
+}

@@ -1,0 +1,87 @@
+//! What a scene does not need is left out, and that changes no bit: each choice against the general path.
+
+use std::path::Path;
+
+use glam::DVec3;
+use moltop::domain::{Boundary, Plane};
+use moltop::engine::Engine;
+use moltop::engine::event_driven::EventDriven;
+use moltop::scene::{Scene, analysis};
+use moltop::state::{Body, Placement, State};
+
+fn seed_512() -> Placement {
+    let scene = Scene::load(Path::new("configs/seed-512.toml")).expect("a good scene");
+    scene.place().expect("a good scene")
+}
+
+/// State hash and collisions after two units of time.
+fn run(placement: &Placement) -> (u64, u64) {
+    let mut engine = EventDriven::new(State::new(placement));
+    let units = engine.state().units;
+    let mut collisions = 0;
+    engine
+        .advance(units.instant(2.0), &mut |_| collisions += 1)
+        .expect("balls with room");
+    (engine.state().hash(), collisions)
+}
+
+#[test]
+fn one_body_kept_once_is_the_same_as_a_body_per_ball() {
+    let once = seed_512();
+    let mut each = once.clone();
+    each.bodies = vec![once.bodies[0]; 512];
+    each.body_of = (0..512).collect();
+    assert_eq!(run(&once), run(&each));
+}
+
+#[test]
+fn no_plane_is_the_same_as_a_plane_beyond_the_walls() {
+    let without = seed_512();
+    let mut with = without.clone();
+    with.domain.planes.push(Plane {
+        normal: DVec3::X,
+        offset: 100.0,
+    });
+    assert_eq!(run(&without), run(&with));
+}
+
+#[test]
+fn points_alone_fly_as_points_beside_a_far_ball() {
+    let mut alone = seed_512();
+    alone.bodies[0].radius = 0.0;
+    let mut beside = alone.clone();
+    beside.bodies.push(Body {
+        radius: 1e-300,
+        mass: f64::INFINITY,
+    });
+    beside.body_of = vec![0; 512];
+    beside.body_of.push(1);
+    beside.positions.push(DVec3::splat(6.7));
+    beside.velocities.push(DVec3::ZERO);
+    let end = |placement: &Placement| {
+        let mut engine = EventDriven::new(State::new(placement));
+        let units = engine.state().units;
+        engine
+            .advance(units.instant(2.0), &mut |_| ())
+            .expect("balls with room");
+        assert_eq!(engine.counters().pair_collisions, 0);
+        engine.counters().wall_collisions
+    };
+    assert_eq!(end(&alone), end(&beside));
+}
+
+#[test]
+fn the_choices_say_what_is_left_out() {
+    let mut placement = seed_512();
+    let says = |placement: &Placement, words: &str| {
+        let choices = analysis::choices(placement).join("\n");
+        assert!(choices.contains(words), "{choices}");
+    };
+    says(&placement, "kept once");
+    says(&placement, "no planes");
+    says(&placement, "no periodic images");
+    placement.domain.boundary = Boundary::Periodic;
+    says(&placement, "no walls");
+    placement.bodies[0].radius = 0.0;
+    says(&placement, "all are points");
+}

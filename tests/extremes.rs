@@ -455,7 +455,6 @@ fn a_mixture_shares_its_heat_and_collides_as_theory_says() {
 
 /// Row 39. Equal balls on a line exchange their velocities: which there are never changes.
 #[test]
-#[ignore = "fails: engine `event` rounds the exchange of velocities"]
 fn balls_on_a_line_keep_their_velocities_bit_for_bit() {
     let mut random = random(39);
     let balls: Vec<_> = (0..1000)

@@ -5,15 +5,33 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use crate::domain::Boundary;
+use crate::engine::windowed::Windowed;
 use crate::quantity::{Quantity, duration, plain, quantity};
 use crate::scene::analysis::{self, Theory};
 use crate::scene::{BYTES_PER_BALL, Scene};
 use crate::snapshot::Units;
 use crate::state::Placement;
 
-/// Pair collisions that a run of hundreds of thousands of balls does per wall second on one core: an assumption, right within a
-/// factor of a few. Small gases, which fit the caches, are many times faster.
-pub const ASSUMED_COLLISIONS_PER_SECOND: f64 = 20_000.0;
+/// Pair collisions per wall second on one core, of the engine that `auto` takes: an assumption, right within a factor of a few.
+///
+/// A gas that outgrows the caches costs the event queue a dozen times as much; the windowed engine does not mind.
+pub fn assumed_speed(placement: &Placement) -> f64 {
+    const BEYOND_CACHES: usize = 50_000;
+    const DENSE: f64 = 3.0;
+    let count = placement.positions.len();
+    let spacing = (placement.domain.volume() / count.max(1) as f64).cbrt();
+    let largest = placement
+        .bodies
+        .iter()
+        .fold(0.0, |largest: f64, body| largest.max(body.radius));
+    if Windowed::pays(placement) || count < BEYOND_CACHES {
+        200_000.0
+    } else if spacing < DENSE * 2.0 * largest {
+        100_000.0
+    } else {
+        15_000.0
+    }
+}
 
 /// Balls that engine `step` moves by a step per wall second on one core: an assumption, right within a factor of a few.
 pub const ASSUMED_BALL_STEPS_PER_SECOND: f64 = 2e7;
@@ -59,7 +77,9 @@ pub struct Cost {
     pub pair_collisions: f64,
     /// Expected collisions with the walls.
     pub wall_collisions: f64,
-    /// Wall time at the assumed speed \[s\].
+    /// Pair collisions per wall second that are assumed.
+    pub collisions_per_second: f64,
+    /// Wall time at that speed \[s\].
     pub wall_time_s: f64,
 }
 
@@ -85,11 +105,7 @@ impl Report {
             expected,
             until,
             cost_in_steps: None,
-            cost: cost(
-                expected,
-                placement.domain.boundary == Boundary::Container,
-                until,
-            ),
+            cost: cost(expected, placement, until),
             bytes_per_ball: BYTES_PER_BALL,
             memory_bytes: BYTES_PER_BALL * ball_count as u64,
             model: analysis::choices(placement),
@@ -132,11 +148,12 @@ impl Report {
         }
         let cost = self.cost.filter(|cost| cost.wall_time_s > LONG_RUN)?;
         Some(format!(
-            "the run to {} is estimated at {} pair collisions and {} (assuming {ASSUMED_COLLISIONS_PER_SECOND} per second): \
+            "the run to {} is estimated at {} pair collisions and {} (assuming {} of them per second): \
              give a smaller --until, or --yes to accept it",
             quantity(until, Quantity::Time, self.units),
             plain(cost.pair_collisions),
-            duration(cost.wall_time_s)
+            duration(cost.wall_time_s),
+            plain(cost.collisions_per_second),
         ))
     }
 
@@ -214,7 +231,8 @@ impl Report {
             line(
                 "wall time",
                 &format!(
-                    "about {time} if {ASSUMED_COLLISIONS_PER_SECOND} pair collisions take a second"
+                    "about {time} if {} pair collisions take a second",
+                    plain(cost.collisions_per_second)
                 ),
             );
         }
@@ -225,15 +243,18 @@ impl Report {
     }
 }
 
-fn cost(expected: Rates, walls: bool, until: Option<f64>) -> Option<Cost> {
+fn cost(expected: Rates, placement: &Placement, until: Option<f64>) -> Option<Cost> {
+    let walls = placement.domain.boundary == Boundary::Container;
+    let collisions_per_second = assumed_speed(placement);
     let until = until?;
     let wall_rate = if walls { expected.wall_rate? } else { 0.0 };
     let (pair_collisions, wall_collisions) = (expected.pair_rate? * until, wall_rate * until);
     // Walls cost less than pairs and usually come along; alone they still take their time.
-    let wall_time_s = pair_collisions.max(wall_collisions) / ASSUMED_COLLISIONS_PER_SECOND;
+    let wall_time_s = pair_collisions.max(wall_collisions) / collisions_per_second;
     Some(Cost {
         pair_collisions,
         wall_collisions,
+        collisions_per_second,
         wall_time_s,
     })
 }

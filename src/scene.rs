@@ -29,7 +29,7 @@ use glam::DVec3;
 
 use crate::domain::{Boundary, Domain};
 use crate::error::{Error, Result};
-use crate::snapshot::{SceneCard, Units};
+use crate::snapshot::{self, SceneCard, Units};
 use crate::state::Placement;
 use crate::worker::engines::EngineName;
 
@@ -310,12 +310,20 @@ impl Scene {
     /// What snapshots say of this scene.
     pub fn card(&self, placement: &Placement) -> SceneCard {
         let radii = placement.bodies.iter().map(|body| body.radius);
+        let planes =
+            (self.domain.planes.iter()).map(|plane| (plane.normal.to_array(), plane.offset));
         SceneCard {
             title: self.title.clone(),
             units: self.units,
             ball_count: placement.positions.len(),
             packing_fraction: analysis::packing_fraction(placement),
+            boundary: match self.domain.boundary {
+                Boundary::Container => snapshot::Boundary::Container,
+                Boundary::Periodic => snapshot::Boundary::Periodic,
+                Boundary::Open => snapshot::Boundary::Open,
+            },
             size: (2.0 * self.domain.half_size).to_array(),
+            planes: planes.collect(),
             center: self.center.to_array(),
             radius: radii.fold(0.0, f64::max),
             sample: self.sample,

@@ -31,6 +31,17 @@ impl Units {
     }
 }
 
+/// What happens at the faces of the box.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Boundary {
+    /// Six hard walls.
+    Container,
+    /// What leaves through a face comes in through the opposite one.
+    Periodic,
+    /// Nothing: the box only says where the balls begin.
+    Open,
+}
+
 /// What does not change during a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneCard {
@@ -42,8 +53,12 @@ pub struct SceneCard {
     pub ball_count: usize,
     /// Volume of the balls over the volume of the domain.
     pub packing_fraction: f64,
-    /// Inner edges of the container \[length\].
+    /// What happens at the faces of the box.
+    pub boundary: Boundary,
+    /// Edges of the box \[length\].
     pub size: [f64; 3],
+    /// Planes inside the box: unit normal, and distance from the centre along it \[length\].
+    pub planes: Vec<([f64; 3], f64)>,
     /// Centre of the domain in the scene's coordinates \[length\].
     pub center: [f64; 3],
     /// Largest ball radius \[length\].
@@ -169,6 +184,8 @@ pub struct Sample {
     /// Positions relative to the domain's centre \[length\], in an order that any prefix is a fair sample of the whole.
     /// The same index is the same ball in every snapshot.
     pub positions: Vec<[f32; 3]>,
+    /// Radii of the same balls \[length\].
+    pub radii: Vec<f32>,
     /// Names of the first entries, if the scene names balls; these are drawn tagged.
     pub names: Vec<String>,
 }

@@ -341,7 +341,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::snapshot::{Counts, Expected, SceneCard};
+    use crate::snapshot::{Boundary, Counts, Expected, SceneCard};
 
     /// A run of which nothing is known yet.
     fn young() -> Snapshot {
@@ -350,7 +350,9 @@ mod tests {
             units: Units::Si,
             ball_count: 2,
             packing_fraction: 0.1,
+            boundary: Boundary::Container,
             size: [1.0; 3],
+            planes: Vec::new(),
             center: [0.0; 3],
             radius: 0.1,
             sample: 1.0,

@@ -252,12 +252,6 @@ fn a_gas_of_packing_fraction_1e_8_collides_about_as_often_as_theory_says() {
     check_thin_gas(100);
 }
 
-#[test]
-#[ignore = "minutes: a ball crosses some 20,000 cells between two collisions"]
-fn a_gas_of_packing_fraction_1e_8_collides_as_often_as_theory_says() {
-    check_thin_gas(10_000);
-}
-
 /// Row 21.
 #[test]
 fn what_rests_stays_and_what_is_alone_meets_walls_only() {

@@ -5,7 +5,7 @@ mod fake;
 use std::sync::Arc;
 
 use moltop::feed::Command;
-use moltop::snapshot::{Phase, Snapshot};
+use moltop::snapshot::{Boundary, Echo, Phase, SceneCard, Snapshot};
 use moltop::tui::Leave;
 use moltop::tui::app::{App, Overlay};
 use moltop::tui::picture::Mode;
@@ -26,6 +26,11 @@ fn watching(phase: &Phase, reversed: bool) -> App {
         if frame == 11 {
             snapshot.phase = phase.clone();
             snapshot.reversed = reversed;
+            snapshot.echo = reversed.then_some(Echo {
+                turned_at: 7.85e-9,
+                retraced: 0.63,
+                error: None,
+            });
         }
         app.observe(Arc::new(snapshot));
     }
@@ -81,6 +86,67 @@ fn a_reversed_run() {
 }
 
 #[test]
+fn a_run_that_has_found_back() {
+    let mut app = watching(&Phase::Running, true);
+    let mut back = running(oxygen(), 12);
+    back.reversed = true;
+    back.echo = Some(Echo {
+        turned_at: 6.4e-9,
+        retraced: 1.0,
+        error: Some(3.1e-13),
+    });
+    app.observe(Arc::new(back));
+    golden("came_back", &app, 80, 24);
+}
+
+#[test]
+fn a_run_that_has_lost_its_way_back_says_by_how_much() {
+    let mut lost = running(oxygen(), 12);
+    lost.echo = Some(Echo {
+        turned_at: 6.4e-9,
+        retraced: 1.0,
+        error: Some(8.3),
+    });
+    let app = App::new(Arc::new(lost), false);
+    assert!(screen(&app, 80, 24).contains("lost, 8.3 d off"));
+}
+
+#[test]
+fn a_run_that_needs_a_look() {
+    let mut drifted = running(oxygen(), 12);
+    drifted.energy_drift = Some(3.0e-9);
+    drifted.momentum_drift = Some(2.0e-10);
+    let app = App::new(Arc::new(drifted), false);
+    golden("look", &app, 80, 24);
+    golden("look", &app, 120, 40);
+    golden("look", &app, 40, 12);
+}
+
+#[test]
+fn fixed_steps_say_what_they_miss() {
+    let mut stepped = running(small_gas(), 12);
+    stepped.engine = "step";
+    stepped.max_overlap = Some(3.0e-2);
+    stepped.counts.audited_steps = 40;
+    stepped.counts.missed_collisions = 12;
+    stepped.counts.double_bounces = 3;
+    let app = App::new(Arc::new(stepped), false);
+    golden("step", &app, 80, 24);
+    golden("step", &app, 120, 40);
+}
+
+#[test]
+fn integers_remember() {
+    let mut exact = running(small_gas(), 12);
+    exact.engine = "reversible";
+    exact.echo_horizon = None;
+    exact.counts.remembered_events = 44;
+    let app = App::new(Arc::new(exact), false);
+    golden("reversible", &app, 80, 24);
+    golden("reversible", &app, 120, 40);
+}
+
+#[test]
 fn a_finished_run() {
     golden("finished", &watching(&Phase::Finished, false), 80, 24);
 }
@@ -131,6 +197,35 @@ fn the_whole_depth() {
 fn large_balls_in_reduced_units() {
     let app = App::new(Arc::new(running(small_gas(), 3)), false);
     golden("small_gas", &app, 120, 40);
+}
+
+/// A small gas in another domain, for the picture; a periodic box and open space have no walls to hit.
+fn in_domain(boundary: Boundary, planes: Vec<([f64; 3], f64)>) -> App {
+    let scene = SceneCard {
+        boundary,
+        planes,
+        ..small_gas()
+    };
+    let mut snapshot = running(scene, 3);
+    if boundary != Boundary::Container {
+        snapshot.pressure.wall = None;
+        snapshot.wall_rate = None;
+        snapshot.expected.wall_rate = None;
+    }
+    App::new(Arc::new(snapshot), false)
+}
+
+#[test]
+fn domains_and_planes() {
+    let half = 0.5_f64.sqrt();
+    let wedge = vec![([half, 0.0, half], -3.0), ([-half, 0.0, half], -3.0)];
+    let app = in_domain(Boundary::Container, wedge);
+    golden("planes", &app, 80, 24);
+    golden("planes", &app, 120, 40);
+    let periodic = in_domain(Boundary::Periodic, Vec::new());
+    golden("periodic", &periodic, 80, 24);
+    golden("periodic", &periodic, 120, 40);
+    golden("open", &in_domain(Boundary::Open, Vec::new()), 80, 24);
 }
 
 #[test]

@@ -5,8 +5,10 @@
 use std::path::Path;
 use std::time::Instant;
 
+use moltop::calendar::Indexed;
 use moltop::engine::Engine;
 use moltop::engine::event_driven::EventDriven;
+use moltop::engine::windowed::Windowed;
 use moltop::scene::Scene;
 use moltop::scene::analysis::{Brownian, Theory};
 use moltop::state::State;
@@ -84,8 +86,13 @@ fn a_mixture_behaves_as_expected() {
 fn check_rate(name: &str, settle: f64, until: f64) {
     let scene = Scene::load(Path::new(&format!("configs/{name}.toml"))).expect("a good scene");
     let placement = scene.place().expect("a good scene");
-    let mut engine = EventDriven::new(State::new(&placement));
-    let units = engine.state().units;
+    let state = State::new(&placement);
+    let units = state.units;
+    let mut engine: Box<dyn Engine> = if Windowed::pays(&placement) {
+        Box::new(Windowed::new(state, 2))
+    } else {
+        Box::new(EventDriven::<Indexed>::new(state))
+    };
     let mut counted = [0; 2];
     for (count, time) in counted.iter_mut().zip([settle, until]) {
         engine

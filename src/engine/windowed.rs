@@ -14,7 +14,7 @@
 //! dynamics, and since predictions are pure functions of trajectories they are those of engine `event`, bit for bit.
 //!
 //! Balls are kept sorted along a Morton curve through the cells and sorted again now and then; the state keeps its own order.
-//! The curve is cut into regions, one for each thread ([`region`]); only the commits are done by one.
+//! The curve is cut into regions, one for each thread (`windowed/region.rs`); only the commits are done by one.
 
 mod filter;
 mod grid;

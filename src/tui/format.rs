@@ -135,10 +135,13 @@ pub fn percent_off(measured: Option<f64>, expected: Option<f64>) -> Option<Strin
         .then(|| format!("{shown:+.decimals$} %"))
 }
 
-/// Wall time as a clock: `00:00:43`, after a day `3d 04:05`.
+/// Wall time as a clock: `00:00:43`, after a day `3d 04:05`; in the first ten seconds `   0.3 s`.
 pub fn clock(seconds: f64) -> String {
     if !seconds.is_finite() || seconds < 0.0 {
         return MISSING.into();
+    }
+    if seconds < 9.95 {
+        return format!("{seconds:>6.1} s");
     }
     let seconds = seconds as u64;
     let (days, hours, minutes) = (seconds / 86_400, seconds / 3_600 % 24, seconds / 60 % 60);
@@ -274,7 +277,9 @@ mod tests {
     }
 
     #[test]
-    fn the_clock_keeps_its_width_after_a_day() {
+    fn the_clock_keeps_its_width() {
+        assert_eq!(clock(0.32), "   0.3 s");
+        assert_eq!(clock(9.96), "00:00:09");
         assert_eq!(clock(43.9), "00:00:43");
         assert_eq!(clock(273_906.0), "3d 04:05");
     }

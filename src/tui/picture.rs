@@ -6,6 +6,7 @@
 mod balls;
 mod density;
 mod edges;
+mod planes;
 
 use crate::snapshot::{Sample, SceneCard};
 use crate::tui::camera::{Camera, Projection};
@@ -26,8 +27,10 @@ pub enum Mode {
 pub enum Layer {
     /// Nothing.
     Empty,
-    /// An edge of the container.
+    /// An edge of the box.
     Edge,
+    /// The outline of a plane.
+    Plane,
     /// A molecule in the far, middle or near third of the slab.
     Molecule(u8),
     /// Density.
@@ -86,9 +89,10 @@ impl Picture {
         if picture.cells.is_empty() || !projection.scale.is_normal() {
             return picture;
         }
-        edges::draw(&mut picture, scene.size, &projection, glyphs);
+        edges::draw(&mut picture, scene, &projection, glyphs);
+        planes::draw(&mut picture, scene, &projection, glyphs);
         match mode {
-            Mode::Slab => balls::draw(&mut picture, scene.radius, sample, &projection, glyphs),
+            Mode::Slab => balls::draw(&mut picture, sample, &projection, glyphs),
             Mode::Depth => density::draw(&mut picture, scene, sample, &projection),
         }
         balls::draw_tags(&mut picture, sample, trails, &projection, glyphs);
@@ -129,6 +133,7 @@ fn portion(
         one_in: one_in(length),
     };
     let edge = mean_edge(scene.size);
+    let radius = usual_radius(sample);
     if mode == Mode::Depth || length == 0 || !edge.is_normal() {
         return whole;
     }
@@ -143,10 +148,10 @@ fn portion(
     let volume = edge.powi(3);
     // With few balls the slab must be thick enough to hold some.
     let enough = OCCUPANCY * volume / (fit_area * length as f64);
-    let standard = (SLAB * edge).max(2.0 * scene.radius).max(enough.min(edge));
+    let standard = (SLAB * edge).max(2.0 * radius).max(enough.min(edge));
     let thickness = standard * camera.slab_factor();
     // n balls fall on m cells of the slab's cross-section: n / m = prefix * (cell area * thickness / volume).
-    let prefix = if balls::are_discs(scene.radius, scale) {
+    let prefix = if balls::are_discs(radius, scale) {
         length
     } else {
         ((OCCUPANCY * volume / (cell_area * thickness)) as usize).clamp(1, length)
@@ -162,6 +167,16 @@ fn portion(
         prefix,
         one_in: one_in(prefix),
     }
+}
+
+/// Radius that half of the balls do not exceed: one grain among molecules must not decide how these are drawn.
+fn usual_radius(sample: &Sample) -> f64 {
+    let mut radii = sample.radii.clone();
+    let middle = radii.len() / 2;
+    if radii.is_empty() {
+        return 0.0;
+    }
+    f64::from(*radii.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 #[cfg(test)]

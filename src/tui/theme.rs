@@ -58,6 +58,10 @@ pub struct Glyphs {
     pub trail: char,
     /// A container edge that is level (high, middle and low in its cell), upright, rising, falling.
     pub edge: [char; 6],
+    /// An edge of a periodic box, likewise.
+    pub open_edge: [char; 6],
+    /// The outline of a plane.
+    pub plane: char,
 }
 
 /// Glyphs of a UTF-8 terminal.
@@ -67,6 +71,8 @@ pub const UNICODE: Glyphs = Glyphs {
     tags: ['◉', '◎', '◆', '◇', '▲'],
     trail: '◦',
     edge: ['‾', '─', '_', '│', '╱', '╲'],
+    open_edge: ['╌', '╌', '╌', '┆', '╱', '╲'],
+    plane: '×',
 };
 
 /// Glyphs of a 7-bit terminal.
@@ -76,6 +82,8 @@ pub const ASCII: Glyphs = Glyphs {
     tags: ['O', '@', '#', '&', 'A'],
     trail: ',',
     edge: ['-', '-', '_', '|', '/', '\\'],
+    open_edge: ['-', '-', '-', '|', '/', '\\'],
+    plane: 'x',
 };
 
 /// Shades from empty to full, for density and for the light on a ball.

@@ -13,6 +13,7 @@ mod run;
 mod small;
 mod speeds;
 mod text;
+mod trust;
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -53,6 +54,12 @@ fn full(app: &App, area: Rect, buffer: &mut Buffer) {
     } else {
         (area.height * 3 / 10).clamp(8, 18)
     };
+    // The run's numbers get more rows than the speeds need, as far as the histories can spare them.
+    let run_height = if area.height < 30 {
+        9
+    } else {
+        (area.height * 2 / 5).clamp(12, 24)
+    };
     // The picture gets the width that its height can use, the histories the rest.
     let picture_width = 2 * (area.height - low_height - 5) + 8;
     let right_width = (area.width - picture_width.min(area.width)).clamp(34, area.width * 9 / 20);
@@ -64,9 +71,9 @@ fn full(app: &App, area: Rect, buffer: &mut Buffer) {
     .areas(area);
     let [left, right] =
         Layout::horizontal([Constraint::Fill(1), Constraint::Length(right_width)]).areas(body);
-    let split = [Constraint::Fill(1), Constraint::Length(low_height)];
-    let [gas, speeds] = Layout::vertical(split).areas(left);
-    let [now, run] = Layout::vertical(split).areas(right);
+    let split = |low| Layout::vertical([Constraint::Fill(1), Constraint::Length(low)]);
+    let [gas, speeds] = split(low_height).areas(left);
+    let [now, run] = split(run_height).areas(right);
     header::panel(app, snapshot, head, buffer);
     gas::panel(app, snapshot, gas, buffer);
     now::panel(app, snapshot, now, buffer);

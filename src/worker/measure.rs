@@ -233,15 +233,17 @@ fn common_divisor(a: usize, b: usize) -> usize {
     if b == 0 { a } else { common_divisor(b, a % b) }
 }
 
-/// Positions of sampled balls at the present.
+/// Positions and radii of sampled balls at the present.
 pub fn sample(state: &State, balls: &[u32], names: &[String]) -> Sample {
     let position = |&ball: &u32| {
         let position =
             state.trajectories[ball as usize].position_at(state.now) * state.units.length;
         position.to_array().map(|coordinate| coordinate as f32)
     };
+    let radius = |&ball: &u32| (state.bodies.of(ball as usize).radius * state.units.length) as f32;
     Sample {
         positions: balls.iter().map(position).collect(),
+        radii: balls.iter().map(radius).collect(),
         names: names.to_vec(),
     }
 }

@@ -4,7 +4,8 @@ use std::sync::{Arc, Mutex};
 
 use moltop::feed::{Command, Feed};
 use moltop::snapshot::{
-    Counts, Expected, HistoryPoint, Phase, Pressure, Sample, SceneCard, Snapshot, Speeds, Units,
+    Boundary, Counts, Expected, HistoryPoint, Phase, Pressure, Sample, SceneCard, Snapshot, Speeds,
+    Units,
 };
 
 /// Numbers in `[0, 1)` from a seed. Source: Steele, Lea and Flood, `SplitMix64`.
@@ -35,7 +36,9 @@ pub fn oxygen() -> SceneCard {
         units: Units::Si,
         ball_count: 704_969,
         packing_fraction: 5.663e-4,
+        boundary: Boundary::Container,
         size: [3.0e-7; 3],
+        planes: Vec::new(),
         center: [0.0; 3],
         radius: 1.73e-10,
         sample: 1.0e-9,
@@ -49,7 +52,9 @@ pub fn small_gas() -> SceneCard {
         units: Units::Reduced,
         ball_count: 512,
         packing_fraction: 0.2,
+        boundary: Boundary::Container,
         size: [11.0; 3],
+        planes: Vec::new(),
         center: [0.0; 3],
         radius: 0.5,
         sample: 1.0,
@@ -153,7 +158,8 @@ pub fn running(scene: SceneCard, frame: u64) -> Snapshot {
         },
         energy_drift: Some(4.1e-14),
         momentum_drift: Some(2.0e-13),
-        virial_residual: Some(-1.2e-12),
+        virial_residual: Some(-1.2e-13),
+        echo_horizon: Some(0.55 * time_unit),
         max_overlap: Some(3.2e-13),
         speeds: Some(Arc::new(speeds(si, &mut random))),
         queue_length: 47_312,
@@ -198,6 +204,7 @@ fn sample(scene: &SceneCard, time: f64) -> Sample {
         })
     });
     Sample {
+        radii: vec![scene.radius as f32; count],
         positions: positions.collect(),
         names: Vec::new(),
     }

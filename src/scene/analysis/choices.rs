@@ -2,6 +2,7 @@
 
 use super::body;
 use crate::domain::Boundary;
+use crate::engine::windowed::Windowed;
 use crate::state::Placement;
 
 /// Balls that a scene may have before cells save anything.
@@ -10,7 +11,12 @@ const FEW: usize = 64;
 /// What will be modelled and what will be left out, one sentence each.
 pub fn choices(placement: &Placement) -> Vec<String> {
     let count = placement.positions.len();
-    let mut choices = vec![bodies(placement), pairs(placement)];
+    let engine = if Windowed::pays(placement) {
+        "engine auto takes windowed: many balls of like size, far apart, in a container"
+    } else {
+        "engine auto takes event: from collision to collision"
+    };
+    let mut choices = vec![engine.to_owned(), bodies(placement), pairs(placement)];
     if placement.bodies.iter().any(|body| body.mass.is_infinite()) {
         let fixed = (0..count)
             .filter(|&ball| body(placement, ball).mass.is_infinite())

@@ -14,7 +14,6 @@ pub(super) fn are_discs(radius: f64, scale: f64) -> bool {
 /// Draws the molecules of the slab, nearest on top.
 pub(super) fn draw(
     picture: &mut Picture,
-    radius: f64,
     sample: &Sample,
     projection: &Projection,
     glyphs: &Glyphs,
@@ -23,22 +22,27 @@ pub(super) fn draw(
         .portion
         .slab
         .map_or(f64::INFINITY, |slab| slab / 2.0);
-    let spots: Vec<Spot> = sample.positions[..picture.portion.prefix]
+    // A ball larger than the slab is seen where the middle cuts it.
+    let spots: Vec<(Spot, f64)> = sample.positions[..picture.portion.prefix]
         .iter()
-        .map(|position| projection.project(position.map(f64::from)))
-        .filter(|spot| spot.depth.abs() <= half)
+        .zip(&sample.radii)
+        .map(|(position, radius)| {
+            let spot = projection.project(position.map(f64::from));
+            (spot, f64::from(*radius))
+        })
+        .filter(|(spot, radius)| spot.depth.abs() <= half.max(*radius))
         .collect();
     let deepest = spots
         .iter()
-        .map(|spot| spot.depth.abs())
+        .map(|(spot, _)| spot.depth.abs())
         .fold(0.0, f64::max);
     // Thirds of the slab, or of the gas if that is thinner.
     let third = half.min(deepest).max(f64::MIN_POSITIVE) / 1.5;
     let level = |depth: f64| (1.5 - depth / third).clamp(0.0, 2.0) as u8;
     let mut nearest = vec![f64::INFINITY; picture.cells.len()];
-    let discs = are_discs(radius, projection.scale);
-    for spot in spots {
-        if discs {
+    for (spot, radius) in spots {
+        let disc = are_discs(radius, projection.scale);
+        if disc {
             let glyph = glyphs.disc[usize::from(level(spot.depth))];
             draw_disc(
                 picture,
@@ -52,7 +56,7 @@ pub(super) fn draw(
         let Some(cell) = picture.cell(spot.column, spot.row) else {
             continue;
         };
-        if !discs && spot.depth < nearest[cell] {
+        if !disc && spot.depth < nearest[cell] {
             nearest[cell] = spot.depth;
             let level = level(spot.depth);
             picture.cells[cell] = (glyphs.depth[usize::from(level)], Layer::Molecule(level));

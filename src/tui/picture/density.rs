@@ -18,10 +18,10 @@ pub(super) fn draw(
     projection: &Projection,
 ) {
     let mut seen = vec![0.0_f64; picture.cells.len()];
-    let reach = scene.radius * projection.scale;
-    for position in &sample.positions {
+    for (position, radius) in sample.positions.iter().zip(&sample.radii) {
         let spot = projection.project(position.map(f64::from));
-        if super::balls::are_discs(scene.radius, projection.scale) {
+        let reach = f64::from(*radius) * projection.scale;
+        if super::balls::are_discs(f64::from(*radius), projection.scale) {
             spread(picture, &mut seen, spot.column, spot.row, reach);
         } else if let Some(cell) = picture.cell(spot.column, spot.row) {
             seen[cell] += 1.0;
@@ -33,7 +33,8 @@ pub(super) fn draw(
     for (cell, count) in seen.iter().enumerate() {
         let (column, row) = ((cell % picture.width) as f64, (cell / picture.width) as f64);
         let expected = per_length * mean_chord(projection, scene.size, column, row);
-        if expected <= 0.0 {
+        // In open space balls leave the box.
+        if expected <= 0.0 && *count == 0.0 {
             continue;
         }
         let ratio = (count + LOAN) / (expected + LOAN);

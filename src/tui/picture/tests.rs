@@ -1,5 +1,5 @@
 use super::*;
-use crate::snapshot::Units;
+use crate::snapshot::{Boundary, Units};
 use crate::tui::theme;
 
 fn scene(ball_count: usize, radius: f64) -> SceneCard {
@@ -8,7 +8,9 @@ fn scene(ball_count: usize, radius: f64) -> SceneCard {
         units: Units::Reduced,
         ball_count,
         packing_fraction: 0.1,
+        boundary: Boundary::Container,
         size: [10.0; 3],
+        planes: Vec::new(),
         center: [0.0; 3],
         radius,
         sample: 1.0,
@@ -32,6 +34,7 @@ fn draw(
 ) -> Picture {
     let sample = Sample {
         positions: positions.to_vec(),
+        radii: vec![scene.radius as f32; positions.len()],
         names: Vec::new(),
     };
     Picture::draw(
@@ -148,4 +151,31 @@ fn the_box_keeps_its_shape_on_high_cells() {
     let columns: Vec<_> = (0..1600).filter(edge).map(|cell| cell % 80).collect();
     let width = columns.iter().max().unwrap() - columns.iter().min().unwrap();
     assert!((37..=40).contains(&width), "{width}");
+}
+
+#[test]
+fn each_ball_has_its_own_size() {
+    let mut sample = Sample {
+        positions: cloud(1000),
+        radii: vec![0.001; 1000],
+        names: vec!["grain".into()],
+    };
+    sample.positions[0] = [0.0; 3];
+    sample.radii[0] = 2.0;
+    let picture = Picture::draw(
+        &scene(1000, 2.0),
+        &sample,
+        &Trails::default(),
+        (&level(), Mode::Slab),
+        (80, 40),
+        &theme::ASCII,
+    );
+    let in_a_disc = |glyph: char| theme::SHADES[1..].contains(&glyph);
+    assert!(in_a_disc(picture.at(35, 18)) && in_a_disc(picture.at(45, 22)));
+    let grains = picture
+        .cells
+        .iter()
+        .filter(|(glyph, _)| "-=+#%@".contains(*glyph));
+    let disc = std::f64::consts::PI * 4.0 * picture.scale * picture.scale / 2.0;
+    assert!((grains.count() as f64) < 1.2 * disc + 160.0); // the edges are drawn with some of these, too
 }

@@ -5,7 +5,7 @@ use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
 
 use super::text::{framed_with_foot, put, title, width};
-use crate::snapshot::{Phase, Snapshot, Units};
+use crate::snapshot::{Boundary, Phase, SceneCard, Snapshot, Units};
 use crate::tui::app::App;
 use crate::tui::format::{count, plain, si};
 use crate::tui::picture::{Layer, Mode, Picture, Portion};
@@ -20,7 +20,9 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
     } else {
         format!(" · zoom {:.2}", camera.zoom())
     };
-    let foot = format!(" az {} el {}{zoom} ", camera.azimuth, camera.elevation);
+    let angles = format!(" az {} el {}{zoom}", camera.azimuth, camera.elevation);
+    let room = area.width.saturating_sub(width(&angles) + 6);
+    let foot = format!("{angles} · {} ", place(&snapshot.scene, room));
     let Some(sample) = &snapshot.sample else {
         let inner = framed_with_foot(buffer, area, title("gas", ""), &foot);
         let words = match snapshot.phase {
@@ -69,6 +71,22 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
     scale_bar(picture.scale, snapshot.scene.units, inner, buffer);
 }
 
+/// Where the gas is, in as many words as there is room for.
+fn place(scene: &SceneCard, room: u16) -> String {
+    let faces = match scene.boundary {
+        Boundary::Container => "container",
+        Boundary::Periodic => "periodic",
+        Boundary::Open => "open space",
+    };
+    let planes = match scene.planes.len() {
+        0 => return faces.into(),
+        1 => "1 plane".into(),
+        many => format!("{} planes", count(many as u64)),
+    };
+    let both = format!("{faces}, {planes} × × ×");
+    if width(&both) <= room { both } else { planes }
+}
+
 /// What of the gas is shown, in as many words as there is room for.
 fn words(portion: &Portion, mode: Mode, snapshot: &Snapshot, room: u16) -> String {
     let units = snapshot.scene.units;
@@ -90,8 +108,10 @@ fn words(portion: &Portion, mode: Mode, snapshot: &Snapshot, room: u16) -> Strin
         Mode::Depth => "density over the whole depth",
     };
     let depth = portion.slab.map_or(whole.into(), |slab| {
-        let edge = length(mean_edge(snapshot.scene.size), units, 3);
-        format!("slab {} of {edge}", length(slab, units, 2))
+        let edge = mean_edge(snapshot.scene.size);
+        let digits = if slab < 0.9 * edge { 2 } else { 3 };
+        let slab = length(slab, units, digits);
+        format!("slab {slab} of {}", length(edge, units, 3))
     });
     [
         format!("{depth} · {share} of the molecules"),
@@ -114,7 +134,7 @@ fn style(layer: Layer) -> Option<Style> {
         |tag: u8| Style::new().fg(theme::TAG_COLORS[usize::from(tag) % theme::TAG_COLORS.len()]);
     match layer {
         Layer::Empty => None,
-        Layer::Edge | Layer::Molecule(0) => Some(theme::QUIET),
+        Layer::Edge | Layer::Plane | Layer::Molecule(0) => Some(theme::QUIET),
         Layer::Molecule(1) | Layer::Shade => Some(theme::VALUE),
         Layer::Molecule(_) => Some(theme::STRONG),
         Layer::Trail(index) => Some(tag(index)),

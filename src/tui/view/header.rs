@@ -38,10 +38,15 @@ pub(super) fn title_row(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut
         ..area
     };
     let column = put(buffer, before, (1, 0), "moltop", theme::STRONG);
-    let engine = format!("engine {}", snapshot.engine);
-    let engine_fits = before.width > column + width(&snapshot.scene.title) + width(&engine) + 6;
-    if engine_fits {
-        put_before(buffer, before, (before.width, 0), &engine, theme::QUIET);
+    let room = before
+        .width
+        .saturating_sub(column + width(&snapshot.scene.title) + 5);
+    let names = [
+        format!("engine {}", snapshot.engine),
+        snapshot.engine.to_string(),
+    ];
+    if let Some(name) = names.iter().find(|name| width(name) < room) {
+        put_before(buffer, before, (before.width, 0), name, theme::QUIET);
     }
     put(
         buffer,

@@ -129,7 +129,7 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
         theory: beside(expected.pressure, &|value| {
             quantity(Some(value), "Pa", units, 5)
         }),
-        remark: sigmas(measured, expected.pressure, pressure.standard_error).unwrap_or_default(),
+        remark: pressure_remark(snapshot, measured),
         series: history(|point| point.pressure, expected.pressure),
         axis: axis("Pa"),
     };
@@ -153,6 +153,21 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
         axis: Box::new(|value| si(value, "", 4)),
     };
     [temperature, pressure, collisions, queue]
+}
+
+/// Distance from theory, and `Z = p V / (N k T)`.
+fn pressure_remark(snapshot: &Snapshot, measured: Option<f64>) -> String {
+    let error = snapshot.pressure.standard_error;
+    let off = sigmas(measured, snapshot.expected.pressure, error);
+    let factor = format!("Z {}", factor(snapshot, 5));
+    off.map_or(factor.clone(), |off| format!("{off}  {factor}"))
+}
+
+/// `p V / (N k T)`; planes cut off a part of the volume that is not known.
+pub(super) fn factor(snapshot: &Snapshot, digits: usize) -> String {
+    let known = snapshot.scene.planes.is_empty();
+    let factor = snapshot.compressibility_factor.filter(|_| known);
+    factor.map_or(MISSING.into(), |factor| plain(factor, digits))
 }
 
 /// Events per simulated time.

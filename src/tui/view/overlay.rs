@@ -35,9 +35,10 @@ pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
 }
 
 /// What the marks on the screen mean.
-const MARKS: [&str; 5] = [
+const MARKS: [&str; 6] = [
     "290.0 ps per s: simulated time per second on your clock",
     "theory +1.0σ: difference in standard errors",
+    "echo: how far time can be reversed   Z: p V / (N k T)",
     "o  Maxwell's curve   KS: Kolmogorov-Smirnov distance",
     "tagged molecules leave trails, at any depth",
     "any key closes this help",

@@ -3,16 +3,30 @@
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
+use ratatui::style::Style;
 
-use super::text::{framed, put, put_before, row, title, width};
+use super::text::{framed, put, put_before, title, width};
+use super::trust;
 use crate::snapshot::{Phase, Snapshot, Units};
 use crate::tui::app::App;
-use crate::tui::format::{MISSING, bytes, count, percent_off, plain, quantity, relative, si};
+use crate::tui::format::{
+    MISSING, bytes, count, percent_off, plain, quantity, relative, scientific, si,
+};
 use crate::tui::theme;
 use crate::tui::view::now;
 
 /// Columns from which on the rows stand in two columns.
-const TWO_COLUMNS: u16 = 64;
+const TWO_COLUMNS: u16 = 84;
+
+/// Rows from which on the accuracy card stands in full.
+const CARD: u16 = 11;
+
+/// A row of the panel.
+struct Row {
+    label: &'static str,
+    value: String,
+    style: Style,
+}
 
 /// Draws the panel.
 pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
@@ -22,7 +36,7 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
     let columns = if inner.width >= TWO_COLUMNS { 2 } else { 1 };
     let room = inner.height.saturating_sub(1);
     let each = (inner.width.saturating_sub(gap * (columns - 1))) / columns;
-    for (index, (label, value)) in rows(app, snapshot).iter().enumerate() {
+    for (index, row) in rows(app, snapshot, room >= CARD).iter().enumerate() {
         let index = index as u16;
         if room == 0 || index / room >= columns {
             break;
@@ -32,7 +46,9 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
             width: each,
             ..inner
         };
-        row(buffer, part, 1 + index % room, label, value);
+        let at = 1 + index % room;
+        put(buffer, part, (0, at), row.label, theme::QUIET);
+        put_before(buffer, part, (each, at), &row.value, row.style);
     }
 }
 
@@ -66,8 +82,8 @@ fn progress(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     }
 }
 
-/// Labels and values, the most wanted first.
-fn rows(app: &App, snapshot: &Snapshot) -> Vec<(&'static str, String)> {
+/// The rows, the most wanted first; `card` asks for every figure of the accuracy card.
+fn rows(app: &App, snapshot: &Snapshot, card: bool) -> Vec<Row> {
     let units = snapshot.scene.units;
     let counts = &snapshot.counts;
     let speed = snapshot
@@ -76,42 +92,126 @@ fn rows(app: &App, snapshot: &Snapshot) -> Vec<(&'static str, String)> {
     let ceiling = app.limit().map_or("none".into(), |limit| {
         format!("{} per s", quantity(Some(limit), "s", units, 3))
     });
+    let mut rows = vec![
+        plain_row("speed", format!("{speed} collisions per s")),
+        plain_row("ceiling", ceiling),
+        plain_row("collisions", count(counts.pair_collisions)),
+        plain_row("echo", trust::echo(snapshot)),
+        Row {
+            label: "trust",
+            value: trust::words(snapshot),
+            style: trust::style(snapshot),
+        },
+    ];
+    rows.extend(if card {
+        figures(snapshot)
+    } else {
+        short_figures(snapshot)
+    });
+    rows.extend(details(snapshot));
+    rows
+}
+
+fn plain_row(label: &'static str, value: String) -> Row {
+    Row {
+        label,
+        value,
+        style: theme::VALUE,
+    }
+}
+
+/// What tells most of this engine, in one row.
+fn short_figures(snapshot: &Snapshot) -> Vec<Row> {
+    let own = own_figure(snapshot);
+    let overlap = relative(snapshot.max_overlap);
+    let drift = relative(snapshot.energy_drift);
+    vec![own.unwrap_or_else(|| plain_row("overlap, ΔE/E", format!("{overlap}, {drift}")))]
+}
+
+/// A figure that only this engine has.
+fn own_figure(snapshot: &Snapshot) -> Option<Row> {
+    match snapshot.engine {
+        "step" => Some(plain_row("missed, doubled", missed(snapshot))),
+        "reversible" => Some(plain_row(
+            "remembered events",
+            count(snapshot.counts.remembered_events),
+        )),
+        _ => None,
+    }
+}
+
+/// Every figure of the accuracy card with its limit, and what else counts with this engine.
+fn figures(snapshot: &Snapshot) -> Vec<Row> {
+    let by_design = snapshot.engine == "step";
+    let mut rows: Vec<Row> = snapshot
+        .accuracy()
+        .iter()
+        .map(|check| {
+            let figure = format!("{}, limit {}", relative(check.value), limit(check.limit));
+            if check.sound || by_design {
+                plain_row(check.name, figure)
+            } else {
+                Row {
+                    label: check.name,
+                    value: format!("LOOK {figure}"),
+                    style: theme::BAD,
+                }
+            }
+        })
+        .collect();
+    rows.extend(own_figure(snapshot));
+    rows
+}
+
+/// Collisions that fixed steps passed over (as far as they were looked for), and bounces that happened twice.
+fn missed(snapshot: &Snapshot) -> String {
+    let counts = &snapshot.counts;
+    let missed = if counts.audited_steps > 0 {
+        count(counts.missed_collisions)
+    } else {
+        MISSING.into()
+    };
+    format!("{missed}, {}", count(counts.double_bounces))
+}
+
+fn limit(value: f64) -> String {
+    if value == 0.0 {
+        "0".into()
+    } else {
+        scientific(value, 1)
+    }
+}
+
+/// What a large window has room for.
+fn details(snapshot: &Snapshot) -> Vec<Row> {
+    let units = snapshot.scene.units;
+    let counts = &snapshot.counts;
     let off = percent_off(snapshot.wall_rate, snapshot.expected.wall_rate);
     let walls = now::rate(snapshot.wall_rate, units);
-    let per_ball = now::rate(snapshot.collision_rate, units);
-    let factor = snapshot
-        .compressibility_factor
-        .map_or(MISSING.into(), |z| plain(z, 6));
-    vec![
-        ("speed", format!("{speed} collisions per s")),
-        ("ceiling", ceiling),
-        ("collisions", count(counts.pair_collisions)),
-        ("largest overlap", relative(snapshot.max_overlap)),
-        ("energy drift", relative(snapshot.energy_drift)),
+    let details = vec![
+        ("wall hits", join(&walls, off)),
         (
             "mean free path",
             quantity(snapshot.mean_free_path, "m", units, 4),
         ),
-        ("wall hits", join(&walls, off)),
-        ("p V / N k T", factor),
         (
             "virial pressure",
             quantity(snapshot.pressure.virial, "Pa", units, 5),
         ),
-        ("momentum drift", relative(snapshot.momentum_drift)),
-        ("virial residual", relative(snapshot.virial_residual)),
-        ("late events", count(counts.late_events)),
+        ("Z = p V / N k T", now::factor(snapshot, 6)),
         ("molecules", count(snapshot.scene.ball_count as u64)),
         (
             "packing fraction",
             plain(snapshot.scene.packing_fraction, 4),
         ),
-        ("collisions per ball", per_ball),
+        (
+            "collisions per ball",
+            now::rate(snapshot.collision_rate, units),
+        ),
         ("wall collisions", count(counts.wall_collisions)),
         ("plane collisions", count(counts.plane_collisions)),
         ("stale events", count(counts.stale_events)),
         ("ties", count(counts.ties)),
-        ("zero-time events", count(counts.zero_time_events)),
         ("cell crossings", count(counts.cell_crossings)),
         ("longest queue", count(snapshot.queue_length_max)),
         (
@@ -123,9 +223,13 @@ fn rows(app: &App, snapshot: &Snapshot) -> Vec<(&'static str, String)> {
             "setup",
             snapshot
                 .setup_time_s
-                .map_or(MISSING.into(), |time| si(time, "s", 3)),
+                .map_or(MISSING.into(), |time| format!("{time:.2} s")),
         ),
-    ]
+    ];
+    details
+        .into_iter()
+        .map(|(label, value)| plain_row(label, value))
+        .collect()
 }
 
 fn joule(units: Units) -> &'static str {

@@ -4,7 +4,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use super::text::{put, put_before, width};
-use super::{chart, footer, gas, header, now, speeds};
+use super::{chart, footer, gas, header, now, speeds, trust};
 use crate::snapshot::Snapshot;
 use crate::tui::app::App;
 use crate::tui::format::{MISSING, clock};
@@ -82,7 +82,10 @@ fn numbers(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     put_before(buffer, area, (area.width, at), &verdict, theme::VALUE);
     let wall = clock(snapshot.wall_time_s);
     let rows = [
-        (header::time(snapshot), String::new()),
+        (
+            header::time(snapshot),
+            format!("trust {}", trust::word(snapshot)),
+        ),
         (header::rate(snapshot), format!("wall {wall}")),
         (header::left(snapshot), String::new()),
     ];

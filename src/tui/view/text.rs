@@ -41,12 +41,6 @@ pub(super) fn put_before(
     put(buffer, area, (start, end.1), text, style);
 }
 
-/// A label on the left and a value on the right of a row.
-pub(super) fn row(buffer: &mut Buffer, area: Rect, at: u16, label: &str, value: &str) {
-    put(buffer, area, (0, at), label, theme::QUIET);
-    put_before(buffer, area, (area.width, at), value, theme::VALUE);
-}
-
 /// Draws a frame with a title and returns the area inside.
 pub(super) fn framed(buffer: &mut Buffer, area: Rect, title: Line) -> Rect {
     framed_with_foot(buffer, area, title, "")

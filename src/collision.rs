@@ -153,29 +153,24 @@ pub fn reflect(velocity: DVec3, plane: &Plane, upper: bool) -> DVec3 {
 
 /// Velocities after an elastic collision of two balls, `separation` being the first centre minus the second.
 ///
-/// Divides by the actual distance squared, so energy is conserved to rounding even if the balls do not touch exactly. With
+/// Divides by the actual square of the normal, so energy is conserved to rounding even if the balls do not touch exactly. With
 /// unequal masses the heavier ball is computed first, which keeps the energy to 1e-13 even at a mass ratio of 1e14.
 #[inline]
 pub fn collide(separation: DVec3, velocities: [DVec3; 2], masses: [f64; 2]) -> [DVec3; 2] {
     let [first, second] = velocities;
-    let distance_squared = separation.length_squared();
-    if masses[0] == masses[1] {
-        // Along an axis the balls simply exchange that component, which needs no rounding: a gas on a line keeps its
-        // velocities bit for bit.
-        if let Some(axis) = only_axis(separation) {
-            let (mut first, mut second) = (first, second);
-            std::mem::swap(&mut first[axis], &mut second[axis]);
-            return [first, second];
-        }
-        let exchanged = separation * ((first - second).dot(separation) / distance_squared);
-        return [first - exchanged, second + exchanged];
-    }
     if masses[0] < masses[1] {
         let [second, first] = collide(-separation, [second, first], [masses[1], masses[0]]);
         return [first, second];
     }
-    let heavy = first.dot(separation);
-    let light = second.dot(separation);
+    // Its largest component is one: along an axis nothing that is exchanged is rounded.
+    let normal = separation / separation.abs().max_element();
+    let normal_squared = normal.length_squared();
+    if masses[0] == masses[1] {
+        let exchanged = normal * ((first - second).dot(normal) / normal_squared);
+        return [first - exchanged, second + exchanged];
+    }
+    let heavy = first.dot(normal);
+    let light = second.dot(normal);
     let relative = light - heavy;
     // For an infinite mass the share is zero.
     let share = if masses[0].is_infinite() {
@@ -186,21 +181,9 @@ pub fn collide(separation: DVec3, velocities: [DVec3; 2], masses: [f64; 2]) -> [
     let heavy_after = heavy + share * relative;
     let light_after = heavy_after - relative;
     [
-        first + separation * ((heavy_after - heavy) / distance_squared),
-        second + separation * ((light_after - light) / distance_squared),
+        first + normal * ((heavy_after - heavy) / normal_squared),
+        second + normal * ((light_after - light) / normal_squared),
     ]
-}
-
-/// The axis along which a vector points exactly, if it does.
-#[inline]
-fn only_axis(vector: DVec3) -> Option<usize> {
-    let [x, y, z] = vector.to_array().map(|component| component != 0.0);
-    match [x, y, z] {
-        [true, false, false] => Some(0),
-        [false, true, false] => Some(1),
-        [false, false, true] => Some(2),
-        _ => None,
-    }
 }
 
 #[cfg(test)]

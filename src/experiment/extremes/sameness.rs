@@ -13,7 +13,7 @@ use crate::worker::engines::{CalendarName, Choice};
 
 /// What [`State::hash`] gives for the seed's scene of 512 balls, velocities of seed 1, after 10 s, on any machine and in any
 /// build.
-const KNOWN_HASH: u64 = 0xa4e1_b254_fe27_3e2d;
+const KNOWN_HASH: u64 = 0x2295_5d0e_b447_e505;
 
 fn hash_after(choice: Choice, gas: &Placement, time: f64) -> u64 {
     let mut trial = Trial::new(choice, gas);

@@ -60,6 +60,9 @@ const BUDGET: f64 = 10_000.0;
 /// Longest wait, so that a signal or a new window size is noticed.
 const TICK: Duration = Duration::from_millis(50);
 
+/// Between two looks for the run's answer to a key.
+const ANSWER: Duration = Duration::from_millis(5);
+
 /// Shows the dashboard until the user leaves, `stop` is raised or the terminal vanishes.
 ///
 /// The terminal is given back on every way out. The run is asked for pictures while the dashboard is up.
@@ -86,6 +89,7 @@ fn watch(
     let mut changed = true;
     let mut drawn = Instant::now();
     let mut pause = FRAME;
+    let mut asked: Option<Instant> = None;
     loop {
         if stop.load(Ordering::SeqCst) {
             // The signal may be the one that says that the terminal is gone.
@@ -97,6 +101,8 @@ fn watch(
         let newest = feed.latest();
         if newest.sequence != app.latest.sequence {
             changed |= app.observe(newest);
+            // The run's answer to a key is shown as soon as it is there.
+            urgent |= std::mem::take(&mut asked).is_some();
         }
         let due = urgent || changed && drawn.elapsed() >= pause;
         // A terminal without a size shows nothing.
@@ -109,7 +115,10 @@ fn watch(
             pause = FRAME.max(Duration::from_secs_f64((bytes as f64 / BUDGET).min(1.0)));
             (urgent, changed) = (false, false);
         }
-        let rest = if changed {
+        asked = asked.filter(|asked: &Instant| asked.elapsed() < FRAME);
+        let rest = if asked.is_some() {
+            ANSWER
+        } else if changed {
             pause.saturating_sub(drawn.elapsed()).min(TICK)
         } else {
             TICK
@@ -125,6 +134,7 @@ fn watch(
                 return Ok(leave);
             }
             urgent = true;
+            asked = Some(Instant::now());
         }
     }
 }

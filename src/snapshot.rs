@@ -283,6 +283,51 @@ pub struct Snapshot {
     pub sample: Option<Arc<Sample>>,
 }
 
+impl Snapshot {
+    /// The snapshot of a run that has not begun.
+    pub fn starting(scene: Arc<SceneCard>, engine: &'static str, until: Option<f64>) -> Self {
+        Self {
+            sequence: 0,
+            scene,
+            engine,
+            phase: Phase::Starting,
+            reversed: false,
+            time: 0.0,
+            until,
+            wall_time_s: 0.0,
+            setup_time_s: None,
+            time_rate: None,
+            time_rate_limit: None,
+            collisions_per_wall_second: None,
+            time_left_s: None,
+            counts: Counts::default(),
+            temperature: None,
+            kinetic_energy: 0.0,
+            pressure: Pressure::default(),
+            compressibility_factor: None,
+            collision_rate: None,
+            pair_rate: None,
+            wall_rate: None,
+            mean_free_path: None,
+            expected: Expected::default(),
+            energy_drift: None,
+            momentum_drift: None,
+            virial_residual: None,
+            max_overlap: None,
+            echo: None,
+            echo_horizon: None,
+            speeds: None,
+            queue_length: 0,
+            queue_length_max: 0,
+            peak_rss_bytes: None,
+            state_hash: None,
+            named: Vec::new(),
+            history: Arc::default(),
+            sample: None,
+        }
+    }
+}
+
 /// One row of the series file, at a multiple of the scene's `sample`.
 ///
 /// Pressures are averages over the interval since the row before; counts cover the whole run.

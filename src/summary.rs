@@ -341,7 +341,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::snapshot::{Boundary, Counts, Expected, SceneCard};
+    use crate::snapshot::{Boundary, SceneCard};
 
     /// A run of which nothing is known yet.
     fn young() -> Snapshot {
@@ -358,43 +358,8 @@ mod tests {
             sample: 1.0,
         };
         Snapshot {
-            sequence: 0,
-            scene: Arc::new(scene),
-            engine: "event",
-            phase: Phase::Starting,
-            reversed: false,
-            time: 0.0,
-            until: None,
-            wall_time_s: 0.0,
-            setup_time_s: None,
-            time_rate: None,
-            time_rate_limit: None,
-            collisions_per_wall_second: None,
-            time_left_s: None,
-            counts: Counts::default(),
-            temperature: None,
-            kinetic_energy: 0.0,
-            pressure: Pressure::default(),
-            compressibility_factor: None,
-            collision_rate: None,
-            pair_rate: None,
-            wall_rate: None,
-            mean_free_path: None,
-            expected: Expected::default(),
-            energy_drift: None,
-            momentum_drift: None,
-            virial_residual: None,
-            echo: None,
-            echo_horizon: None,
-            max_overlap: None,
-            speeds: None,
-            queue_length: 0,
-            queue_length_max: 0,
-            peak_rss_bytes: None,
             state_hash: Some(0xab),
-            named: Vec::new(),
-            history: Arc::default(),
-            sample: None,
+            ..Snapshot::starting(Arc::new(scene), "event", None)
         }
     }
 

@@ -15,9 +15,7 @@ use crate::history::History;
 use crate::observe::Observer;
 use crate::scene::Scene;
 use crate::scene::analysis::Theory;
-use crate::snapshot::{
-    Counts, Expected, HistoryPoint, Phase, Pressure, SceneCard, SeriesRow, Snapshot,
-};
+use crate::snapshot::{Expected, HistoryPoint, Phase, SceneCard, SeriesRow, Snapshot};
 use crate::state::{Placement, State};
 
 /// Wall time between two snapshots.
@@ -64,45 +62,11 @@ impl Setting {
 
     /// The snapshot of a run that has not begun.
     pub fn first_snapshot(&self) -> Snapshot {
-        Snapshot {
-            sequence: 0,
-            scene: Arc::clone(&self.card),
-            engine: self.options.engine.name(),
-            phase: Phase::Starting,
-            reversed: false,
-            time: 0.0,
-            until: self.options.until,
-            wall_time_s: 0.0,
-            setup_time_s: None,
-            time_rate: None,
-            time_rate_limit: None,
-            collisions_per_wall_second: None,
-            time_left_s: None,
-            counts: Counts::default(),
-            temperature: None,
-            kinetic_energy: 0.0,
-            pressure: Pressure::default(),
-            compressibility_factor: None,
-            collision_rate: None,
-            pair_rate: None,
-            wall_rate: None,
-            mean_free_path: None,
-            expected: Expected::default(),
-            energy_drift: None,
-            momentum_drift: None,
-            virial_residual: None,
-            max_overlap: None,
-            echo: None,
-            echo_horizon: None,
-            speeds: None,
-            queue_length: 0,
-            queue_length_max: 0,
-            peak_rss_bytes: None,
-            state_hash: None,
-            named: Vec::new(),
-            history: Arc::default(),
-            sample: None,
-        }
+        Snapshot::starting(
+            Arc::clone(&self.card),
+            self.options.engine.name(),
+            self.options.until,
+        )
     }
 }
 

@@ -65,7 +65,7 @@ fn rounded(gas: &Placement, seed: u64) -> Placement {
     let mut random = generator(seed);
     let mut gas = gas.clone();
     let vectors = gas.positions.iter_mut().chain(&mut gas.velocities);
-    for component in vectors.flat_map(|vector| vector.as_mut()) {
+    for component in vectors.flat_map(AsMut::as_mut) {
         *component *= 1.0 + (random.random::<f64>() - 0.5) * f64::EPSILON;
     }
     gas
@@ -87,16 +87,25 @@ pub fn si_and_reduced() -> Verdict {
         let mut twins: Vec<_> = (1..=ROUNDED_TWINS)
             .map(|seed| Trial::new(choice, &rounded(&reduced, seed)))
             .collect();
-        let (mut records, mut si_records) = (Vec::new(), Vec::new());
+        let mut records = Vec::new();
+        // As many as are alike, of the SI gas and then of each twin.
+        let mut alike = vec![0; 1 + twins.len()];
         let (mut time, mut per_ball) = (0.0, 0.0);
         let (mut most, mut kept) = (0.0_f64, 0.0);
         let mut at_whole = Vec::new();
         while per_ball < 3.0 {
             time += 20.0;
+            let before = records.len();
             records.extend(first.records(time).iter().map(|record| record.1));
-            let si_time = time * diameter / deviation;
-            si_records.extend(second.records(si_time).iter().map(|record| record.1));
-            twins.iter_mut().for_each(|twin| twin.run(time));
+            let others = [second.records(time * diameter / deviation)]
+                .into_iter()
+                .chain(twins.iter_mut().map(|twin| twin.records(time)));
+            for (alike, other) in alike.iter_mut().zip(others) {
+                if *alike == before {
+                    let pairs = records[before..].iter().zip(&other);
+                    *alike += pairs.take_while(|(a, b)| **a == b.1).count();
+                }
+            }
             per_ball = 2.0 * first.engine.counters().pair_collisions as f64 / 1000.0;
             let error = relative_distance(&first, &second, diameter);
             let allowed = twins
@@ -111,12 +120,11 @@ pub fn si_and_reduced() -> Verdict {
                 at_whole.push(format!("{error:.1e} (rounded input: {allowed:.1e})"));
             }
         }
-        let pairs = records.iter().zip(&si_records);
-        let same = pairs.take_while(|(a, b)| a == b).count();
-        verdict.equal(
-            format!("{name}: first collisions alike, to {per_ball} per ball"),
-            &same,
-            &records.len(),
+        let shortest = alike[1..].iter().min().copied().unwrap_or(0);
+        verdict.at_least(
+            format!("{name}: first collisions alike, over those of inputs moved by a rounding"),
+            alike[0] as f64 / shortest as f64,
+            0.5,
         );
         verdict.at_most(
             format!("{name}: positions, over those of inputs moved by a rounding"),
@@ -124,13 +132,18 @@ pub fn si_and_reduced() -> Verdict {
             10.0,
         );
         verdict.note(format!(
+            "{name}: {} of the first {} collisions alike",
+            alike[0],
+            records.len()
+        ));
+        verdict.note(format!(
             "{name}: positions over the edge after 1, 2, 3 collisions per ball: {}; below the 1e-10 once asked for up to \
              {kept:.2} per ball",
             at_whole.join(", ")
         ));
     }
     verdict.note(
-        "1e-10 after three collisions per ball is beyond f64: the sixteenth digit of the input is another one in other units, and \
+        "the same collisions, and 1e-10, up to three collisions per ball are beyond f64: the sixteenth digit of the input is another one in other units, and \
          grows a thousandfold with each collision in so dilute a gas; where the units differ by powers of two no bit changes (row 12)",
     );
     verdict

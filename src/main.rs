@@ -10,7 +10,7 @@ use moltop::check::Report;
 use moltop::cli::{Cli, Command, Experiment, Generate, RunOptions};
 use moltop::convert::convert;
 use moltop::error::{Error, Result};
-use moltop::experiment::extremes;
+use moltop::experiment::{extremes, gas, growth, queue, reversal};
 use moltop::generate::{self, Balls, Extent, GASES};
 use moltop::headless;
 use moltop::output::Target;
@@ -27,7 +27,7 @@ fn main() -> ExitCode {
         None => watch(&cli.watch, program_start),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
-        Some(Command::Experiment(Experiment::Extremes(options))) => extremes::run(&options),
+        Some(Command::Experiment(what)) => experiment(&what),
         Some(Command::Generate { what }) => generate(&what),
         Some(Command::Convert {
             input,
@@ -89,6 +89,16 @@ fn watch(options: &RunOptions, program_start: Instant) -> Result<u8> {
     };
     let code = run.finish(exit)?.code(); // whatever became of the screen, the results are written
     left.map(|_| code)
+}
+
+fn experiment(what: &Experiment) -> Result<u8> {
+    match what {
+        Experiment::Extremes(options) => extremes::run(options),
+        Experiment::Growth(options) => growth::run(options),
+        Experiment::Reversal(options) => reversal::run(options),
+        Experiment::Queue(options) => queue::run(options),
+        Experiment::Gas(options) => gas::run(options),
+    }
 }
 
 fn check(scene: Option<&PathBuf>, json: bool) -> Result<u8> {

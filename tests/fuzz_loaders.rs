@@ -215,7 +215,7 @@ fn judge(found: Result<Scene, Error>, began: Duration) {
         let balls = few.then(|| scene.place()).transpose()?;
         Ok((scene, balls))
     });
-    let took = processor_time() - began;
+    let took = processor_time().saturating_sub(began);
     match outcome {
         Ok((scene, Some(balls))) => {
             let count = scene.ball_count();
@@ -295,7 +295,7 @@ fn fuzz(corpus: &[String], load: impl Fn(&[u8]) -> Result<Scene, Error>) {
     if let Err(error) = result {
         panic!("{error}");
     }
-    let grown = peak_memory() - before;
+    let grown = peak_memory().saturating_sub(before);
     assert!(grown < MOST_MEMORY, "{grown} bytes");
 }
 

@@ -8,6 +8,7 @@ use clap_complete::Shell;
 
 use crate::experiment::{extremes, gas, page};
 use crate::generate::{Draw, Format, GASES};
+use crate::tui;
 use crate::worker::engines::{CalendarName, EngineName};
 
 const EXAMPLES: &str = "\
@@ -35,6 +36,9 @@ pub struct Cli {
     /// Scene and outputs of a run that is watched.
     #[command(flatten)]
     pub watch: RunOptions,
+    /// How the run is shown.
+    #[command(flatten)]
+    pub screen: tui::Options,
 }
 
 /// What to do.

@@ -13,6 +13,7 @@ pub mod gases;
 pub mod growth;
 pub mod page;
 pub mod plot;
+pub mod precise;
 pub mod progress;
 pub mod queue;
 pub mod reversal;

@@ -118,6 +118,7 @@ pub const ROWS: &[Row] = {
         row(25, A, 2.0, "event", "echo of the seed's scene", reversal::echo),
         row(26, A, 1.0, "reversible", "exact echo of the seed's scene", reversal::exact_echo),
         row(26, B, 2.0, "reversible", "exact echo of 64 balls over 2000 s", reversal::long_exact_echo),
+        row(26, B, 20.0, "reversible", "exact echo of 15,625 balls, a hundred collisions each", reversal::large_exact_echo),
         row(27, B, 5.0, "event", "growth of the echo's error", reversal::growth),
         row(28, A, 2.0, ALL, "the same bits, however it is run", sameness::same_bits),
         row(29, C, 1800.0, "event", "a thousand million collisions", soak::soak),

@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 use clap::Args;
 
 use crate::error::Result;
-use crate::experiment::page::{Options as Common, Outputs, Page, Table};
+use crate::experiment::page::{Options as Common, Outputs, Page, Table, Value};
 use crate::experiment::plot::{Axis, Glyph, Line, Plot, Series};
 use crate::experiment::progress::Progress;
 use crate::experiment::trial::Trial;
@@ -33,6 +33,7 @@ const PACE: f64 = 5e-11;
 
 /// What the user asks for.
 #[derive(Clone, Debug, Default, Args)]
+#[group(skip)]
 pub struct Options {
     /// What every experiment is asked.
     #[command(flatten)]
@@ -77,7 +78,7 @@ pub fn run(options: &Options) -> Result<u8> {
         &["pressure", "speeds"],
     )?;
     let (settle, length) = match (options.common.quick, options.full) {
-        (true, _) => (5e-11, 2e-11),
+        (true, _) => (2e-10, 2e-11),
         (_, true) => (1e-9, 5e-8),
         _ => (1e-9, 2e-10),
     };
@@ -223,11 +224,11 @@ fn rows(samples: &[Sample]) -> Table {
         table.push([
             (number as u64 + 1).into(),
             (1e9 * sample.time).into(),
-            sample.temperature.into(),
-            (1e-3 * sample.pressure).into(),
-            (1e-3 * sample.error).into(),
-            (1e-3 * sample.expected).into(),
-            sample.deviation().into(),
+            Value::Fixed(sample.temperature, 3),
+            Value::Fixed(1e-3 * sample.pressure, 3),
+            Value::Fixed(1e-3 * sample.error, 3),
+            Value::Fixed(1e-3 * sample.expected, 3),
+            Value::Fixed(sample.deviation(), 2),
             sample.pairs.into(),
             sample.pair_rate_ratio.into(),
             sample.walls.into(),
@@ -257,12 +258,12 @@ fn result(trial: &Trial, samples: &[Sample], theory: &Theory) -> Table {
         .sqrt()
         / count;
     let pressure = mean(|sample| sample.pressure);
-    let kilo = |value: f64| 1e-3 * value;
+    let kilo = |value: f64| Value::Fixed(1e-3 * value, 3);
     table.push([
         "pressure [kPa]".into(),
-        kilo(pressure).into(),
-        kilo(error).into(),
-        kilo(mean(|sample| sample.expected)).into(),
+        kilo(pressure),
+        kilo(error),
+        kilo(mean(|sample| sample.expected)),
     ]);
     // The velocities were drawn: their temperature is off by a thousandth or so, and the pressure with it.
     let temperature = mean(|sample| sample.temperature);
@@ -270,16 +271,16 @@ fn result(trial: &Trial, samples: &[Sample], theory: &Theory) -> Table {
     let standard = theory.at(273.15).pressure.unwrap_or(f64::NAN);
     table.push([
         "pressure at 273.15 K [kPa]".into(),
-        kilo(pressure * scale).into(),
-        kilo(error * scale).into(),
-        kilo(standard).into(),
+        kilo(pressure * scale),
+        kilo(error * scale),
+        kilo(standard),
     ]);
     let drawn = 273.15 * (2.0 / (3.0 * trial.state().ball_count() as f64)).sqrt();
     table.push([
         "temperature [K]".into(),
-        temperature.into(),
-        drawn.into(),
-        273.15.into(),
+        Value::Fixed(temperature, 3),
+        Value::Fixed(drawn, 3),
+        Value::Fixed(273.15, 2),
     ]);
     let chi_square: f64 = samples
         .iter()

@@ -41,6 +41,8 @@ pub enum Value {
     Text(String),
     /// A measured number.
     Number(f64),
+    /// A measured number, with so many decimals for people.
+    Fixed(f64, usize),
     /// A count.
     Count(u64),
     /// Not measured, or does not exist.
@@ -86,6 +88,7 @@ impl Value {
         match self {
             Self::Text(text) => text.clone(),
             Self::Number(number) => plain(*number),
+            Self::Fixed(number, decimals) => format!("{number:.decimals$}"),
             Self::Count(count) => count.to_string(),
             Self::Nothing => "–".to_owned(),
         }
@@ -94,7 +97,7 @@ impl Value {
     fn exact(&self) -> String {
         match self {
             Self::Text(text) => text.clone(),
-            Self::Number(number) => format!("{number:?}"),
+            Self::Number(number) | Self::Fixed(number, _) => format!("{number:?}"),
             Self::Count(count) => count.to_string(),
             Self::Nothing => String::new(),
         }
@@ -103,7 +106,7 @@ impl Value {
     fn json(&self) -> Json {
         match self {
             Self::Text(text) => json!(text),
-            Self::Number(number) => json!(number),
+            Self::Number(number) | Self::Fixed(number, _) => json!(number),
             Self::Count(count) => json!(count),
             Self::Nothing => Json::Null,
         }

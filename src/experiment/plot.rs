@@ -164,7 +164,7 @@ fn even_ticks(low: f64, high: f64) -> Vec<f64> {
 
 /// Powers of ten, or some of them; where there are few, twice and five times them too.
 fn decade_ticks(low: f64, high: f64) -> Vec<f64> {
-    let every = ((high - low) / 9.0).ceil().max(1.0) as i64;
+    let every = ((high - low) / 10.0).ceil().max(1.0) as i64;
     let factors: &[f64] = if high - low < 2.5 {
         &[1.0, 2.0, 5.0]
     } else {
@@ -442,7 +442,13 @@ fn draw_glyph<'a>(
     (x, y): (i32, i32),
     (glyph, hollow, colour): (Glyph, bool, RGBColor),
 ) -> Drawn<'a> {
-    let fill = if hollow { WHITE } else { colour }.filled();
+    // One can look through a hollow glyph at another that has the same place.
+    let fill = if hollow {
+        TRANSPARENT
+    } else {
+        colour.to_rgba()
+    }
+    .filled();
     let outline = colour.stroke_width(2);
     let path = |corners: &[(i32, i32)]| -> Vec<_> {
         corners

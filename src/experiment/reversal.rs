@@ -5,13 +5,16 @@
 //! of the way there stands beside it, against the exact engine.
 
 use crate::error::Result;
-use crate::experiment::echo::{Echo, mean_distance};
+use crate::experiment::double_double::DoubleDouble;
+use crate::experiment::echo::Echo;
 use crate::experiment::fit::slope;
 use crate::experiment::gases::seed_scene;
 use crate::experiment::page::{Options, Outputs, Page, Table, Value};
 use crate::experiment::plot::{Axis, Glyph, Line, Plot, Series};
+use crate::experiment::precise::{Precise, Scalar, distance};
 use crate::experiment::progress::Progress;
 use crate::experiment::trial::{EVENT, REVERSIBLE, Trial, WINDOWED};
+use crate::state::Placement;
 use crate::worker::engines::Choice;
 
 /// Balls along an edge of the scene's cube.
@@ -39,12 +42,25 @@ const LOST_VELOCITY: f64 = 2.256_758;
 /// Times over which errors grow by a constant factor.
 const GROWTH: std::ops::RangeInclusive<f64> = 1.0..=9.0;
 
-/// When the trajectories of a method are compared with those of the exact engine.
-const TRAJECTORY_TIME: f64 = 1.0;
+/// When the trajectories of a method are compared with those of twice the precision.
+const TRAJECTORY_TIMES: [f64; 3] = [0.5, 1.0, 2.0];
+
+/// What runs a gas.
+#[derive(Clone, Copy, PartialEq)]
+enum Way {
+    Engine(Choice),
+    /// All pairs, in half the digits of f64.
+    Single,
+    /// All pairs, in twice the digits of f64.
+    Double,
+}
+
+/// The way of engine event, which others are held against.
+const EXACT: usize = 0;
 
 struct Method {
     name: &'static str,
-    choice: Choice,
+    way: Way,
     /// Seconds that a simulated second takes, about.
     cost: f64,
     seeds: u64,
@@ -56,8 +72,15 @@ struct Point {
     time: f64,
     positions: Vec<f64>,
     velocities: Vec<f64>,
-    collisions: u64,
-    energy: f64,
+    /// There and back, by data set.
+    collisions: Vec<u64>,
+    energy: Option<f64>,
+}
+
+impl Point {
+    fn mean_collisions(&self) -> u64 {
+        self.collisions.iter().sum::<u64>() / self.collisions.len() as u64
+    }
 }
 
 /// A time, and the errors of every ball's position and velocity after it.
@@ -122,39 +145,108 @@ pub fn run(options: &Options) -> Result<u8> {
     Ok(progress.code())
 }
 
-fn methods(step_seeds: u64) -> [Method; 5] {
+fn methods(step_seeds: u64) -> [Method; 7] {
+    let method = |name, way, cost, seeds| Method {
+        name,
+        way,
+        cost,
+        seeds,
+    };
+    let step = |dt: f64| Way::Engine(Choice::Step(dt));
     [
-        Method {
-            name: "event",
-            choice: EVENT,
-            cost: 0.002,
-            seeds: 5,
-        },
-        Method {
-            name: "windowed",
-            choice: WINDOWED,
-            cost: 0.004,
-            seeds: 5,
-        },
-        Method {
-            name: "reversible",
-            choice: REVERSIBLE,
-            cost: 0.015,
-            seeds: 5,
-        },
-        Method {
-            name: "step, dt = 1/60",
-            choice: Choice::Step(1.0 / 60.0),
-            cost: 0.005,
-            seeds: 5,
-        },
-        Method {
-            name: "step, dt = 1/3600",
-            choice: Choice::Step(1.0 / 3600.0),
-            cost: 0.1,
-            seeds: step_seeds,
-        },
+        method("event", Way::Engine(EVENT), 0.002, 5),
+        method("windowed", Way::Engine(WINDOWED), 0.004, 5),
+        method("reversible", Way::Engine(REVERSIBLE), 0.005, 5),
+        method("step, dt = 1/60", step(1.0 / 60.0), 0.005, 5),
+        method("step, dt = 1/3600", step(1.0 / 3600.0), 0.1, step_seeds),
+        method("all pairs, 24 bits", Way::Single, 0.02, 1),
+        method("all pairs, 106 bits", Way::Double, 0.1, 1),
     ]
+}
+
+/// What comes back.
+struct Return {
+    /// Of each ball's position and velocity.
+    errors: Vec<(f64, f64)>,
+    collisions: u64,
+    energy: Option<f64>,
+}
+
+impl Way {
+    fn there_and_back(self, gas: &Placement, time: f64) -> Return {
+        match self {
+            Self::Engine(choice) => {
+                let echo = Echo::new(choice, gas, time);
+                Return {
+                    collisions: echo.trial.events(),
+                    energy: Some(echo.trial.energy_drift()),
+                    errors: echo.errors,
+                }
+            }
+            Self::Single => there_and_back::<f32>(gas, time),
+            Self::Double => there_and_back::<DoubleDouble>(gas, time),
+        }
+    }
+
+    /// Mean distance from the trajectories of twice the precision at a time, and the largest overlap till then.
+    fn trajectory_error(
+        self,
+        gas: &Placement,
+        time: f64,
+        reference: &Precise<DoubleDouble>,
+    ) -> (f64, Option<f64>) {
+        let of = |places: Vec<[f64; 3]>| {
+            let reference = reference.present();
+            let distances = reference
+                .iter()
+                .zip(&places)
+                .map(|(precise, place)| distance(&precise.0, &place.map(DoubleDouble::from)));
+            distances.sum::<f64>() / places.len() as f64
+        };
+        match self {
+            Self::Engine(choice) => {
+                let mut trial = Trial::new(choice, gas);
+                trial.run(time);
+                let end = trial.state().placement();
+                (
+                    of(end.positions.iter().map(glam::DVec3::to_array).collect()),
+                    trial.observer.max_overlap,
+                )
+            }
+            Self::Single => {
+                let mut twin = Precise::<f32>::new(gas);
+                twin.run(time);
+                (
+                    of(twin
+                        .present()
+                        .iter()
+                        .map(|ball| ball.0.map(Scalar::value))
+                        .collect()),
+                    None,
+                )
+            }
+            Self::Double => (0.0, None),
+        }
+    }
+}
+
+fn there_and_back<S: Scalar>(gas: &Placement, time: f64) -> Return {
+    let mut twin = Precise::<S>::new(gas);
+    let start = twin.present();
+    twin.run(time);
+    twin.reverse();
+    twin.run(2.0 * time);
+    twin.reverse();
+    let end = twin.present();
+    let errors = start
+        .iter()
+        .zip(&end)
+        .map(|(start, end)| (distance(&start.0, &end.0), distance(&start.1, &end.1)));
+    Return {
+        errors: errors.collect(),
+        collisions: twin.collisions(),
+        energy: None,
+    }
 }
 
 /// Runs every echo; also gives the errors of single balls.
@@ -168,26 +260,28 @@ fn measure(methods: &[Method], times: &[f64], progress: &mut Progress) -> (Vec<P
                 time,
                 positions: Vec::new(),
                 velocities: Vec::new(),
-                collisions: 0,
-                energy: 0.0,
+                collisions: Vec::new(),
+                energy: None,
             };
             for seed in 1..=method.seeds {
                 if progress.stopped() {
                     break;
                 }
                 progress.tell(0.0, &format!("{}, {time} s there and back", method.name));
-                let echo = Echo::new(method.choice, &seed_scene(EDGE, seed), time);
+                let back = method.way.there_and_back(&seed_scene(EDGE, seed), time);
                 progress.tell(2.0 * time * method.cost, method.name);
-                point.positions.push(echo.position());
-                point.velocities.push(echo.velocity());
-                point.collisions += echo.trial.events();
-                point.energy = point.energy.max(echo.trial.energy_drift());
-                if seed == 1 && method.choice == EVENT && [1.0, 6.0, 11.0].contains(&time) {
-                    scatter.push((time, echo.errors));
+                let mean_of = |error: fn(&(f64, f64)) -> f64| {
+                    mean(&back.errors.iter().map(error).collect::<Vec<_>>())
+                };
+                point.positions.push(mean_of(|error| error.0));
+                point.velocities.push(mean_of(|error| error.1));
+                point.collisions.push(back.collisions);
+                point.energy = back.energy.into_iter().chain(point.energy).reduce(f64::max);
+                if seed == 1 && number == EXACT && [1.0, 6.0, 11.0].contains(&time) {
+                    scatter.push((time, back.errors));
                 }
             }
             if !point.positions.is_empty() {
-                point.collisions /= point.positions.len() as u64;
                 points.push(point);
             }
         }
@@ -199,7 +293,7 @@ fn measure(methods: &[Method], times: &[f64], progress: &mut Progress) -> (Vec<P
 fn growth(points: &[Point]) -> Option<(f64, f64)> {
     let logarithms: Vec<(f64, f64)> = points
         .iter()
-        .filter(|point| point.method == 0 && GROWTH.contains(&point.time))
+        .filter(|point| point.method == EXACT && GROWTH.contains(&point.time))
         .map(|point| {
             let sum: f64 = point.positions.iter().map(|&error| libm::log(error)).sum();
             (point.time, sum / point.positions.len() as f64)
@@ -245,8 +339,15 @@ fn errors(methods: &[Method], points: &[Point]) -> Table {
         let (lowest, highest) = crate::experiment::fit::extent(&point.positions);
         let exact = points
             .iter()
-            .find(|other| other.method == 0 && other.time == point.time);
-        let ratio = exact.map(|exact| point.collisions as f64 / exact.collisions as f64);
+            .find(|other| other.method == EXACT && other.time == point.time);
+        // Of the same data sets.
+        let sum = |of: &Point| {
+            of.collisions
+                .iter()
+                .take(point.collisions.len())
+                .sum::<u64>() as f64
+        };
+        let ratio = exact.map(|exact| sum(point) / sum(exact));
         table.push([
             methods[point.method].name.into(),
             point.time.into(),
@@ -255,7 +356,7 @@ fn errors(methods: &[Method], points: &[Point]) -> Table {
             lowest.into(),
             highest.into(),
             mean(&point.velocities).into(),
-            point.collisions.into(),
+            point.mean_collisions().into(),
             ratio.into(),
             point.energy.into(),
         ]);
@@ -298,7 +399,7 @@ fn beside_the_seed(points: &[Point]) -> Table {
             seed_velocity.into(),
             at(0, time).map(|point| mean(&point.velocities)).into(),
             seed_collisions.into(),
-            at(0, time).map(|point| point.collisions).into(),
+            at(0, time).map(Point::mean_collisions).into(),
             step.into(),
             position(4, time),
         ]);
@@ -306,29 +407,39 @@ fn beside_the_seed(points: &[Point]) -> Table {
     table
 }
 
-/// How far each method's balls are from those of engine event on the way there.
+/// How far each method's balls are from those of twice the precision on the way there.
 fn trajectories(methods: &[Method]) -> Table {
-    let title = format!(
-        "Mean distance from the positions of engine event after {TRAJECTORY_TIME} s, without turning round"
-    );
-    let mut table = Table::new(
-        "trajectories",
-        title,
-        &["engine", "distance [d]", "max overlap [d]"],
-    );
-    let run = |choice: Choice| {
-        let mut trial = Trial::new(choice, &seed_scene(EDGE, 1));
-        trial.run(TRAJECTORY_TIME);
-        trial
-    };
-    let exact = run(EVENT).state().placement();
-    for method in methods {
-        let trial = run(method.choice);
-        let distance = mean_distance(&exact, &trial.state().placement());
+    let title = "Mean distance from the trajectories of 106 bits, without turning round";
+    let columns = [
+        "engine",
+        "after 0.5 s [d]",
+        "after 1 s [d]",
+        "after 2 s [d]",
+        "max overlap [d]",
+    ];
+    let mut table = Table::new("trajectories", title, &columns);
+    let gas = seed_scene(EDGE, 1);
+    let references = TRAJECTORY_TIMES.map(|time| {
+        let mut reference = Precise::new(&gas);
+        reference.run(time);
+        reference
+    });
+    for method in methods.iter().filter(|method| method.way != Way::Double) {
+        let mut overlap = None;
+        let [first, second, third] = [0, 1, 2].map(|index| {
+            let error =
+                method
+                    .way
+                    .trajectory_error(&gas, TRAJECTORY_TIMES[index], &references[index]);
+            overlap = error.1;
+            error.0
+        });
         table.push([
             method.name.into(),
-            distance.into(),
-            trial.observer.max_overlap.into(),
+            first.into(),
+            second.into(),
+            third.into(),
+            overlap.into(),
         ]);
     }
     table
@@ -363,7 +474,13 @@ fn plot(
             } else {
                 method.name.to_owned()
             };
-            Series::numbered(number, &name, line)
+            let series = Series::numbered(number, &name, line);
+            if method.way == Way::Engine(WINDOWED) {
+                // The same bits as engine event: its points stand around the other's.
+                series.hollow().joined(Line::Dashed)
+            } else {
+                series
+            }
         })
         .collect();
     let seed = SEED_EVENT.map(|point| (point.0, if position { point.1 } else { point.2 }));

@@ -123,6 +123,11 @@ pub fn long_exact_echo() -> Verdict {
     exact_echo_of(4, 2000.0)
 }
 
+/// Row 26, 15,625 balls, 46 s: a hundred collisions of each ball there, and as many back.
+pub fn large_exact_echo() -> Verdict {
+    exact_echo_of(25, 46.0)
+}
+
 fn exact_echo_of(n: usize, time: f64) -> Verdict {
     let mut verdict = Verdict::default();
     let state = State::new(&seed_scene(n, 1));
@@ -155,7 +160,8 @@ fn exact_echo_of(n: usize, time: f64) -> Verdict {
     let events = counters.pair_collisions + counters.wall_collisions;
     let (ties, remembered) = (counters.ties, counters.remembered_events);
     verdict.note(format!(
-        "{events} collisions there and back, {ties} ties, {remembered} remembered"
+        "{events} collisions there and back, {:.0} of each ball with others one way, {ties} ties, {remembered} remembered",
+        counters.pair_collisions as f64 / start.len() as f64
     ));
     verdict
 }

@@ -18,11 +18,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use ratatui::buffer::Buffer;
-use ratatui::crossterm::event::{self, Event};
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyModifiers};
 use ratatui::layout::Rect;
 
 use crate::error::{Error, Result};
-use crate::feed::{Command, Feed};
+use crate::feed::{Access, Command, Feed};
 use app::App;
 use terminal::Screen;
 
@@ -47,6 +47,10 @@ impl Options {
 pub enum Leave {
     /// The user wants to leave: the run is to be stopped if it still goes on.
     Quit,
+    /// The user wants to leave; the run goes on.
+    Detach,
+    /// Somebody else has stopped the run.
+    Stopped,
     /// `stop` was raised.
     Signal,
     /// The terminal is gone; nothing more may be printed to it.
@@ -60,6 +64,9 @@ const BUDGET: f64 = 10_000.0;
 /// Longest wait, so that a signal or a new window size is noticed.
 const TICK: Duration = Duration::from_millis(50);
 
+/// Ctrl-Z, which raw mode takes from the shell.
+const SUSPEND: Event = Event::Key(KeyEvent::new(KeyCode::Char('z'), KeyModifiers::CONTROL));
+
 /// Between two looks for the run's answer to a key.
 const ANSWER: Duration = Duration::from_millis(5);
 
@@ -69,21 +76,23 @@ const ANSWER: Duration = Duration::from_millis(5);
 ///
 /// # Errors
 /// When standard output is no terminal, or the terminal refuses.
-pub fn run(feed: &dyn Feed, stop: &AtomicBool, options: &Options) -> Result<Leave> {
+pub fn run(feed: &dyn Feed, access: Access, stop: &AtomicBool, options: &Options) -> Result<Leave> {
     let mut screen = Screen::take()?;
     feed.send(Command::Watch(true));
-    let left = watch(feed, stop, options, &mut screen);
+    let left = watch(feed, access, stop, options, &mut screen);
     feed.send(Command::Watch(false));
     left
 }
 
 fn watch(
     feed: &dyn Feed,
+    access: Access,
     stop: &AtomicBool,
     options: &Options,
     screen: &mut Screen,
 ) -> Result<Leave> {
     let mut app = App::new(feed.latest(), options.ascii);
+    app.access = access;
     let mut size = (0, 0);
     let mut urgent = true;
     let mut changed = true;
@@ -95,6 +104,12 @@ fn watch(
             // The signal may be the one that says that the terminal is gone.
             let gone = screen.wait(Duration::ZERO).is_none();
             return Ok(if gone { Leave::HangUp } else { Leave::Signal });
+        }
+        if feed.was_stopped() {
+            return Ok(Leave::Stopped);
+        }
+        if screen.was_suspended()? {
+            urgent = true;
         }
         let now_size = screen.size();
         urgent |= std::mem::replace(&mut size, now_size) != now_size;
@@ -128,7 +143,10 @@ fn watch(
         };
         screen.deliver()?;
         while keys_wait && event::poll(Duration::ZERO).map_err(Error::Terminal)? {
-            if let Event::Key(key) = event::read().map_err(Error::Terminal)?
+            let event = event::read().map_err(Error::Terminal)?;
+            if event == SUSPEND {
+                screen.suspend();
+            } else if let Event::Key(key) = event
                 && let Some(leave) = app.press(key, &mut |command| feed.send(command))
             {
                 return Ok(leave);

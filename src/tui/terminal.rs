@@ -7,8 +7,8 @@
 use std::io::{self, Write};
 use std::os::fd::{AsFd, OwnedFd};
 use std::panic;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::thread::{self, ThreadId};
 use std::time::{Duration, Instant};
 
@@ -17,6 +17,10 @@ use ratatui::crossterm::{cursor, execute, queue, terminal};
 use ratatui::layout::Rect;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::{Mode, OFlags};
+use rustix::process::{Signal, kill_current_process_group};
+use signal_hook::consts::{SIGCONT, SIGTSTP};
+use signal_hook::low_level::unregister;
+use signal_hook::{SigId, flag};
 
 use crate::error::{Error, Result};
 use crate::tui::frame;
@@ -37,6 +41,7 @@ pub struct Screen {
     delivered: Buffer,
     alive: bool,
     colors: bool,
+    suspension: Suspension,
 }
 
 impl Screen {
@@ -47,7 +52,6 @@ impl Screen {
     pub fn take() -> Result<Self> {
         hook_panics();
         let output = own_description().map_err(Error::Terminal)?;
-        terminal::enable_raw_mode().map_err(Error::Terminal)?;
         *locked(&HOLDER) = Some(thread::current().id());
         let mut screen = Self {
             output,
@@ -56,10 +60,59 @@ impl Screen {
             alive: true,
             // Source: no-color.org: set and not empty.
             colors: std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty()),
+            suspension: Suspension::listen().map_err(Error::Terminal)?,
         };
-        queue!(screen.pending, terminal::EnterAlternateScreen, cursor::Hide)
-            .map_err(Error::Terminal)?;
+        screen.enter()?;
         Ok(screen)
+    }
+
+    fn enter(&mut self) -> Result<()> {
+        terminal::enable_raw_mode().map_err(Error::Terminal)?;
+        queue!(self.pending, terminal::EnterAlternateScreen, cursor::Hide).map_err(Error::Terminal)
+    }
+
+    /// Gives the terminal back.
+    fn leave(&mut self) {
+        // Writing to a Vec does not fail.
+        let _ = queue!(
+            self.pending,
+            terminal::EndSynchronizedUpdate,
+            terminal::LeaveAlternateScreen,
+            cursor::Show
+        );
+        let deadline = Instant::now() + LAST_WORDS;
+        while !self.pending.is_empty() && Instant::now() < deadline {
+            if self.deliver().is_err() || self.wait(Duration::from_millis(20)).is_none() {
+                break;
+            }
+        }
+        let _ = terminal::disable_raw_mode();
+    }
+
+    /// Stops this process if that has been asked for, with the terminal given back meanwhile. Says whether it was stopped,
+    /// also in another way: the next frame is then a full one.
+    ///
+    /// # Errors
+    /// When the terminal cannot be taken again.
+    pub fn was_suspended(&mut self) -> Result<bool> {
+        if self.suspension.wanted.swap(false, Ordering::SeqCst) {
+            self.leave();
+            let _ = signal_hook::low_level::emulate_default_handler(SIGTSTP);
+            self.suspension.over.store(true, Ordering::SeqCst);
+        }
+        let over = self.suspension.over.swap(false, Ordering::SeqCst);
+        if over {
+            self.pending.clear(); // what a stalled terminal has not taken
+            let _ = terminal::disable_raw_mode(); // whoever had the terminal meanwhile has set it anew
+            self.enter()?;
+            self.forget();
+        }
+        Ok(over)
+    }
+
+    /// Asks for a stop of all that the shell started with us, as the key does outside of raw mode.
+    pub fn suspend(&self) {
+        let _ = kill_current_process_group(Signal::TSTP);
     }
 
     /// Columns and rows; zero when the terminal does not know.
@@ -157,25 +210,44 @@ impl Drop for Screen {
         // After a panic the hook has given the terminal back, and its words must not be overwritten.
         let held = locked(&HOLDER).take().is_some();
         if held && self.alive {
-            // Writing to a Vec does not fail.
-            let _ = queue!(
-                self.pending,
-                terminal::EndSynchronizedUpdate,
-                terminal::LeaveAlternateScreen,
-                cursor::Show
-            );
-            let deadline = Instant::now() + LAST_WORDS;
-            while !self.pending.is_empty() && Instant::now() < deadline {
-                if self.deliver().is_err() || self.wait(Duration::from_millis(20)).is_none() {
-                    break;
-                }
-            }
-            let _ = terminal::disable_raw_mode();
+            self.leave();
         }
         for words in locked(&OVERHEARD).drain(..) {
             // A dead terminal must not turn a message into a second panic.
             let _ = writeln!(io::stderr(), "{words}");
         }
+    }
+}
+
+/// Signals that stop this process and let it go on.
+struct Suspension {
+    /// SIGTSTP has arrived.
+    wanted: Arc<AtomicBool>,
+    /// SIGCONT has arrived.
+    over: Arc<AtomicBool>,
+    handlers: Vec<SigId>,
+}
+
+impl Suspension {
+    fn listen() -> io::Result<Self> {
+        let (wanted, over): (Arc<AtomicBool>, Arc<AtomicBool>) = Default::default();
+        let handlers = vec![
+            flag::register(SIGTSTP, Arc::clone(&wanted))?,
+            flag::register(SIGCONT, Arc::clone(&over))?,
+        ];
+        Ok(Self {
+            wanted,
+            over,
+            handlers,
+        })
+    }
+}
+
+impl Drop for Suspension {
+    fn drop(&mut self) {
+        self.handlers.drain(..).for_each(|handler| {
+            unregister(handler);
+        });
     }
 }
 

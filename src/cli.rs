@@ -8,6 +8,7 @@ use clap_complete::Shell;
 
 use crate::experiment::extremes;
 use crate::generate::{Draw, Format, GASES};
+use crate::tui;
 use crate::worker::engines::{CalendarName, EngineName};
 
 const EXAMPLES: &str = "\
@@ -41,6 +42,9 @@ pub struct Cli {
     /// Be the run, for the process that started this one.
     #[arg(long, hide = true)]
     pub run_process: bool,
+    /// How the run is shown.
+    #[command(flatten)]
+    pub screen: tui::Options,
 }
 
 /// What to do.
@@ -69,6 +73,9 @@ pub enum Command {
         /// Look only: no key reaches the run
         #[arg(long, env = "MOLTOP_READ_ONLY", value_parser = FalseyValueParser::new())]
         read_only: bool,
+        /// How the run is shown.
+        #[command(flatten)]
+        screen: tui::Options,
     },
     /// Check a scene, say what it is and what it will cost, and run nothing
     Check {

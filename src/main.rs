@@ -29,9 +29,13 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let done = match cli.command {
         None if cli.run_process => run_process::run(&cli.watch, program_start),
-        None if cli.in_process => watch_here(&cli.watch, program_start),
-        None => start_and_watch(),
-        Some(Command::Attach { run, read_only }) => attach(run.as_deref(), read_only),
+        None if cli.in_process => watch_here(&cli.watch, &cli.screen, program_start),
+        None => start_and_watch(&cli.screen),
+        Some(Command::Attach {
+            run,
+            read_only,
+            screen,
+        }) => attach(run.as_deref(), read_only, &screen),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
         Some(Command::Experiment(Experiment::Extremes(options))) => extremes::run(&options),
@@ -81,15 +85,15 @@ fn run(options: &RunOptions, yes: bool, program_start: Instant) -> Result<u8> {
 }
 
 /// Starts a run in a process of its own, and watches it.
-fn start_and_watch() -> Result<u8> {
+fn start_and_watch(screen: &tui::Options) -> Result<u8> {
     needs_terminal()?;
     match run_process::start()? {
-        Started::Run(run) => watch(&run, Access::Watcher),
+        Started::Run(run) => watch(&run, Access::Watcher, screen),
         Started::Refused(code) => Ok(code),
     }
 }
 
-fn attach(run: Option<&str>, read_only: bool) -> Result<u8> {
+fn attach(run: Option<&str>, read_only: bool, screen: &tui::Options) -> Result<u8> {
     needs_terminal()?;
     let run = run.map_or_else(Found::newest, Found::by_name)?;
     let access = if read_only {
@@ -97,19 +101,14 @@ fn attach(run: Option<&str>, read_only: bool) -> Result<u8> {
     } else {
         Access::Watcher
     };
-    watch(&run, access)
+    watch(&run, access, screen)
 }
 
 /// Watches a run of another process until the user leaves it.
-fn watch(run: &Found, access: Access) -> Result<u8> {
+fn watch(run: &Found, access: Access, screen: &tui::Options) -> Result<u8> {
     let signals = Signals::listen()?;
     let feed = SocketFeed::connect(run, access == Access::ReadOnly)?;
-    let left = tui::run(
-        &feed,
-        access,
-        signals.stop(),
-        &tui::Options::from_environment(),
-    );
+    let left = tui::run(&feed, access, signals.stop(), screen);
     let goes_on = || {
         let name = &run.name;
         say(&format!(
@@ -134,17 +133,12 @@ fn watch(run: &Found, access: Access) -> Result<u8> {
 }
 
 /// Runs and watches in one process.
-fn watch_here(options: &RunOptions, program_start: Instant) -> Result<u8> {
+fn watch_here(options: &RunOptions, screen: &tui::Options, program_start: Instant) -> Result<u8> {
     needs_terminal()?;
     let prepared = Prepared::new(options)?;
     let signals = Signals::listen()?;
     let run = prepared.start(program_start)?;
-    let left = tui::run(
-        &run.feed(),
-        Access::Owner,
-        signals.stop(),
-        &tui::Options::from_environment(),
-    );
+    let left = tui::run(&run.feed(), Access::Owner, signals.stop(), screen);
     let exit = match (&left, signals.received()) {
         (_, Some(number)) => Exit::Signal(number),
         (Ok(Leave::HangUp), None) => Exit::Signal(SIGHUP),

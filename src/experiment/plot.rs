@@ -254,9 +254,15 @@ impl Series {
         }
     }
 
-    /// Points of the shape that the series' number gives, joined by a line.
+    /// Points of the shape that the series' number gives, joined by a line; hollow when the shapes come round again.
     pub fn numbered(number: usize, name: &str, points: Vec<(f64, f64)>) -> Self {
-        Self::points(name, GLYPHS[number % GLYPHS.len()], points).joined(Line::Solid)
+        let series = Self::points(name, GLYPHS[number % GLYPHS.len()], points);
+        let again = number >= GLYPHS.len();
+        Self {
+            hollow: again,
+            ..series
+        }
+        .joined(Line::Solid)
     }
 
     /// The points, joined.

@@ -131,7 +131,7 @@ pub fn run(options: &Options) -> Result<u8> {
     let (edges, budget, sets): (&[usize], f64, u64) = if options.quick {
         (&[2, 4, 8, 12, 16, 25], 0.15, 3)
     } else {
-        (&[2, 3, 4, 6, 8, 12, 16, 20, 25, 46, 89], 1.5, 5)
+        (&[2, 3, 4, 6, 8, 12, 16, 20, 25, 46, 89], 1.0, 3)
     };
     let points = |number: usize| {
         let largest = METHODS[number].largest;

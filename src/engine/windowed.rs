@@ -36,6 +36,7 @@ use crate::event::Collision;
 use crate::state::{Placement, State, Time};
 use filter::Margins;
 use grid::Grid;
+use listing::Flights;
 use meeting::Meeting;
 use paths::{Gas, Window};
 use pieces::{FRESH, LATER, Line, MOST_REGIONS, NONE, Numbering, Past, Piece, Pieces};
@@ -290,7 +291,13 @@ impl Windowed {
             } else {
                 &self.radii[region.flights.clone()]
             };
-            region.list(gas, lines, radii, &self.past, advance, margins, firsts);
+            let flights = Flights {
+                lines,
+                radii,
+                past: &self.past,
+                advance,
+            };
+            region.list(gas, flights, margins, firsts);
         });
 
         let mut shelves = Shelves {
@@ -299,16 +306,18 @@ impl Windowed {
             kinds: [firsts, &[], &[]],
         };
         let mail = outboxes(&mut regions);
-        side_by_side(regions.iter_mut().zip(fresh.iter_mut()), |(region, fresh)| {
-            region.find(shelves, &mail, (FRESH, fresh))
-        });
+        side_by_side(
+            regions.iter_mut().zip(fresh.iter_mut()),
+            |(region, fresh)| region.find(shelves, &mail, (FRESH, fresh)),
+        );
         shelves.kinds[FRESH] = fresh;
         let mail = outboxes(&mut regions);
         if mail.iter().any(|mail| !mail.is_empty()) {
             // What was foreseen across a region's border is listed and tested there, now that all have finished.
-            side_by_side(regions.iter_mut().zip(later.iter_mut()), |(region, later)| {
-                region.find_visitors(shelves, &mail, Some((LATER, later)))
-            });
+            side_by_side(
+                regions.iter_mut().zip(later.iter_mut()),
+                |(region, later)| region.find_visitors(shelves, &mail, Some((LATER, later))),
+            );
             shelves.kinds[LATER] = later;
             let mail = outboxes(&mut regions);
             side_by_side(regions.iter_mut(), |region| {
@@ -328,9 +337,9 @@ impl Windowed {
             // Made of sorted stretches: a sort that looks for such is quick.
             self.meetings.sort_by(Meeting::order);
         }
-        self.fastest = regions
-            .iter()
-            .fold(self.fastest, |fastest, region| region.fastest().max(fastest));
+        self.fastest = regions.iter().fold(self.fastest, |fastest, region| {
+            region.fastest().max(fastest)
+        });
         (self.lines, self.regions, self.pieces) = (lines, regions, pieces);
         self.window = Some(window);
         window
@@ -338,10 +347,9 @@ impl Windowed {
 
     /// Ends a window.
     fn close(&mut self) {
-        self.fastest = self
-            .regions
-            .iter()
-            .fold(self.fastest, |fastest, region| region.fastest().max(fastest));
+        self.fastest = self.regions.iter().fold(self.fastest, |fastest, region| {
+            region.fastest().max(fastest)
+        });
         self.follow_ups.clear();
         self.meetings.clear();
         self.done = 0;
@@ -356,9 +364,10 @@ fn shares<'l>(
 ) -> impl Iterator<Item = &'l mut [Line]> + use<'l> {
     let lengths: Vec<usize> = regions.iter().map(|region| region.flights.len()).collect();
     let mut rest = lines;
-    lengths
-        .into_iter()
-        .map(move |length| rest.split_off_mut(..length).expect("regions share all lines"))
+    lengths.into_iter().map(move |length| {
+        rest.split_off_mut(..length)
+            .expect("regions share all lines")
+    })
 }
 
 fn outboxes(regions: &mut [Region]) -> Vec<Vec<region::Passage>> {

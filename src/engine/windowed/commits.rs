@@ -65,11 +65,18 @@ impl Windowed {
         let end = (first + READ_AHEAD).min(self.meetings.len());
         let mut sum = 0.0;
         for meeting in &self.meetings[first..end] {
+            let alone = meeting.bound().is_some();
             let (ball, other) = meeting.rank;
-            let other = if meeting.bound().is_some() { ball } else { other };
-            for ball in [ball as usize, other as usize] {
-                sum += self.state.trajectories[ball].velocity.x;
-                sum += self.state.collisions[ball] as f64;
+            let pieces = [
+                meeting.piece,
+                if alone { meeting.piece } else { meeting.other },
+            ];
+            for ball in [ball, if alone { ball } else { other }] {
+                sum += self.state.trajectories[ball as usize].velocity.x;
+                sum += self.state.collisions[ball as usize] as f64;
+            }
+            for piece in pieces {
+                sum += f64::from(self.lines[self.owner(piece) as usize].link);
             }
         }
         black_box(sum);
@@ -156,9 +163,8 @@ impl Windowed {
         let next = if foreseen {
             meeting.next
         } else {
-            let pursue = |one: usize| {
-                self.pursue(after[one], (balls[one], owners[one]), pieces, window)
-            };
+            let pursue =
+                |one: usize| self.pursue(after[one], (balls[one], owners[one]), pieces, window);
             [0, 1].map(pursue)
         };
         for one in [0, 1] {

@@ -74,7 +74,8 @@ impl Filter {
         self.margins = margins;
         let fastest = f64::from(margins.fastest);
         // Two positions, and two velocities for at most the window's length.
-        let contact = margins.contact + 2.0 * margins.position + 4.0 * f64::from(f32::EPSILON) * fastest;
+        let contact =
+            margins.contact + 2.0 * margins.position + 4.0 * f64::from(f32::EPSILON) * fastest;
         // A piece passes the cell in the window, so at its beginning it is no farther than it flies in it.
         let farthest: f64 = margins
             .edges
@@ -113,7 +114,9 @@ impl Filter {
         let count = entries.len();
         let room = count.next_multiple_of(LANES);
         if self.columns[0].len() < room {
-            self.columns.iter_mut().for_each(|column| column.resize(room, 0.0));
+            self.columns
+                .iter_mut()
+                .for_each(|column| column.resize(room, 0.0));
         }
         let [x, y, z, u, v, w] = self.columns.each_mut().map(|column| &mut column[..room]);
         for (row, &entry) in entries.iter().enumerate() {
@@ -180,14 +183,11 @@ impl Filter {
         // The contact lies between the two times, within contact of the middle between the centres.
         let middle = [x[row] + x[other], y[row] + y[other], z[row] + z[other]];
         let drift = [u[row] + u[other], v[row] + v[other], w[row] + w[other]];
-        (0..3).all(|axis| {
+        !(0..3).any(|axis| {
             let margin = 1.5 * self.contact + TIME_MARGIN * drift[axis].abs();
             let half = 0.5 * self.margins.edges[axis] + margin;
-            let (one, two) = (
-                0.5 * (middle[axis] + drift[axis] * touch),
-                0.5 * (middle[axis] + drift[axis] * closest),
-            );
-            !(one > half && two > half) && !(one < -half && two < -half)
+            let [one, two] = [touch, closest].map(|time| 0.5 * (middle[axis] + drift[axis] * time));
+            one.min(two) > half || one.max(two) < -half
         })
     }
 }
@@ -210,43 +210,42 @@ impl WithSimd for Find<'_> {
         let lanes = size_of::<S::f32s>() / size_of::<f32>();
         let [x, y, z, u, v, w] = self.columns;
         let rows = |column: &'_ [f32]| column.len().min(self.count);
-        let count = rows(x).min(rows(y)).min(rows(z)).min(rows(u)).min(rows(v)).min(rows(w));
-        let wide = [
-            S::as_simd_f32s(x).0,
-            S::as_simd_f32s(y).0,
-            S::as_simd_f32s(z).0,
-            S::as_simd_f32s(u).0,
-            S::as_simd_f32s(v).0,
-            S::as_simd_f32s(w).0,
-        ];
+        let count = rows(x)
+            .min(rows(y))
+            .min(rows(z))
+            .min(rows(u))
+            .min(rows(v))
+            .min(rows(w));
+        let chunks = S::as_simd_f32s(x).0.iter().zip(S::as_simd_f32s(y).0);
+        let chunks = chunks.zip(S::as_simd_f32s(z).0.iter().zip(S::as_simd_f32s(u).0));
+        let chunks = chunks.zip(S::as_simd_f32s(v).0.iter().zip(S::as_simd_f32s(w).0));
         let minus_contact_squared = simd.splat_f32s(-self.contact_squared);
         let zero = simd.splat_f32s(0.0);
         let mut found = 0;
-        for chunk in 0..count.div_ceil(lanes) {
-            let [cx, cy, cz] = [wide[0][chunk], wide[1][chunk], wide[2][chunk]];
-            let [cu, cv, cw] = [wide[3][chunk], wide[4][chunk], wide[5][chunk]];
+        for (chunk, (((&cx, &cy), (&cz, &cu)), (&cv, &cw))) in chunks.enumerate() {
             let begin = chunk * lanes;
             let place = (begin / LANES) as u64;
             for row in self.first.max(begin + 1)..count {
                 let rx = simd.sub_f32s(cx, simd.splat_f32s(x[row]));
                 let ry = simd.sub_f32s(cy, simd.splat_f32s(y[row]));
                 let rz = simd.sub_f32s(cz, simd.splat_f32s(z[row]));
-                let vx = simd.sub_f32s(cu, simd.splat_f32s(u[row]));
-                let vy = simd.sub_f32s(cv, simd.splat_f32s(v[row]));
-                let vz = simd.sub_f32s(cw, simd.splat_f32s(w[row]));
-                let radial = simd.mul_f32s(rx, vx);
-                let radial = simd.mul_add_e_f32s(ry, vy, radial);
-                let radial = simd.mul_add_e_f32s(rz, vz, radial);
+                let vx = simd.sub_f32s(simd.splat_f32s(u[row]), cu);
+                let vy = simd.sub_f32s(simd.splat_f32s(v[row]), cv);
+                let vz = simd.sub_f32s(simd.splat_f32s(w[row]), cw);
+                // Positive if they approach.
+                let approach = simd.mul_f32s(rx, vx);
+                let approach = simd.mul_add_e_f32s(ry, vy, approach);
+                let approach = simd.mul_add_e_f32s(rz, vz, approach);
                 let beyond = simd.mul_add_e_f32s(rx, rx, minus_contact_squared);
                 let beyond = simd.mul_add_e_f32s(ry, ry, beyond);
                 let beyond = simd.mul_add_e_f32s(rz, rz, beyond);
                 let speed = simd.mul_f32s(vx, vx);
                 let speed = simd.mul_add_e_f32s(vy, vy, speed);
                 let speed = simd.mul_add_e_f32s(vz, vz, speed);
-                // |v|^2 (|r|^2 - contact^2) less (r . v)^2, the latter with the sign of approach.
-                let approach = simd.mul_f32s(radial, simd.abs_f32s(radial));
-                let miss = simd.mul_add_e_f32s(speed, beyond, approach);
-                let hit = lanes_of::<S>(simd.less_than_f32s(miss, zero)) << (begin % LANES);
+                // (r . v)^2 against |v|^2 (|r|^2 - contact^2): whether the lines touch.
+                let closeness = simd.mul_f32s(approach, simd.max_f32s(approach, zero));
+                let hit = simd.less_than_f32s(simd.mul_f32s(speed, beyond), closeness);
+                let hit = lanes_of::<S>(hit) << (begin % LANES);
                 self.hits[found] = place << 40 | (row as u64) << 16 | hit;
                 found += usize::from(hit != 0);
             }

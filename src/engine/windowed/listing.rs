@@ -57,10 +57,7 @@ impl Bounds {
         let size = (2.0 * domain.half_size * scale).as_vec3().to_array();
         let plane = |plane: &crate::domain::Plane| {
             let offset = plane.offset + plane.normal.dot(domain.half_size);
-            (
-                plane.normal.as_vec3().to_array(),
-                (offset * scale) as f32,
-            )
+            (plane.normal.as_vec3().to_array(), (offset * scale) as f32)
         };
         Self {
             slack,
@@ -88,20 +85,26 @@ struct Block {
     place: [u32; BLOCK],
 }
 
+/// A region's flights.
+pub struct Flights<'a> {
+    /// Their lines.
+    pub lines: &'a mut [Line],
+    /// Their radii in grid lengths, if not all are alike.
+    pub radii: &'a [f32],
+    /// The pieces with which balls left the last window.
+    pub past: &'a Past,
+    /// One to move all on by a window, zero if they are at its beginning.
+    pub advance: f32,
+}
+
 /// The pass through a region's flights.
-pub struct Listing<'a> {
+pub struct Listing<'a, 'f> {
     /// What all threads read.
     pub gas: Gas<'a>,
     /// Index of the first flight.
     pub first: usize,
     /// The flights.
-    pub lines: &'a mut [Line],
-    /// Radii of the flights in grid lengths, if they are not all alike.
-    pub radii: &'a [f32],
-    /// The pieces with which balls left the last window.
-    pub past: &'a Past,
-    /// One to move all flights on by a window, zero if they are at its beginning.
-    pub advance: f32,
+    pub flights: Flights<'f>,
     /// Where flights are listed.
     pub lists: &'a mut Lists,
     /// Passages through other regions' cells.
@@ -110,18 +113,18 @@ pub struct Listing<'a> {
     pub aside: &'a mut Vec<u32>,
 }
 
-impl Listing<'_> {
-    /// Moves all flights to the window's beginning and lists them.
-    pub fn run(self, machine: Arch) {
-        machine.dispatch(self);
+impl<'f> Listing<'_, 'f> {
+    /// Moves all flights to the window's beginning and lists them. Gives back their lines.
+    pub fn run(self, machine: Arch) -> &'f [Line] {
+        machine.dispatch(self)
     }
 }
 
-impl WithSimd for Listing<'_> {
-    type Output = ();
+impl<'f> WithSimd for Listing<'_, 'f> {
+    type Output = &'f [Line];
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, _: S) -> &'f [Line] {
         let bounds = Bounds::new(&self.gas);
         let mut block = Block {
             position: [[0.0; BLOCK]; 3],
@@ -139,21 +142,29 @@ impl WithSimd for Listing<'_> {
         });
         let cells = self.lists.cells();
         let mut first = self.first as u32;
-        for (number, lines) in self.lines.chunks_mut(BLOCK).enumerate() {
+        let Flights {
+            lines: all,
+            radii,
+            past,
+            advance,
+        } = self.flights;
+        for (number, lines) in all.chunks_mut(BLOCK).enumerate() {
             for (lane, line) in lines.iter_mut().enumerate() {
                 if line.link != NONE {
-                    let past = self.past.line(self.gas.numbering, line.link);
-                    let Line { position, velocity, .. } = *past;
+                    let past = past.line(self.gas.numbering, line.link);
+                    let Line {
+                        position, velocity, ..
+                    } = *past;
                     (line.position, line.velocity, line.link) = (position, velocity, NONE);
                 }
                 for axis in 0..3 {
-                    line.position[axis] += line.velocity[axis] * self.advance;
+                    line.position[axis] += line.velocity[axis] * advance;
                     block.position[axis][lane] = line.position[axis];
                     block.velocity[axis][lane] = line.velocity[axis];
                 }
             }
-            if !self.radii.is_empty() {
-                let radii = &self.radii[number * BLOCK..][..lines.len()];
+            if !radii.is_empty() {
+                let radii = &radii[number * BLOCK..][..lines.len()];
                 block.radius[..lines.len()].copy_from_slice(radii);
             }
             touch(&mut block, &bounds);
@@ -171,7 +182,8 @@ impl WithSimd for Listing<'_> {
                     let bit = touched.trailing_zeros() as usize;
                     touched &= touched - 1;
                     let target = targets[(block.place[lane] + offsets[bit & 7]) as usize];
-                    let (cell, entry) = (piece_of(target) as usize, id | (target - piece_of(target)));
+                    let (cell, entry) =
+                        (piece_of(target) as usize, id | (target - piece_of(target)));
                     debug_assert!(image_of(target) < 27);
                     if cells.contains(&cell) {
                         self.lists.insert(cell, entry);
@@ -182,6 +194,7 @@ impl WithSimd for Listing<'_> {
             }
             first += lines.len() as u32;
         }
+        all
     }
 }
 
@@ -199,7 +212,11 @@ fn touch(block: &mut Block, bounds: &Bounds) {
             let to = from + way;
             let (low, high) = if way < 0.0 { (to, from) } else { (from, to) };
             let lower = floor(low - reach, bounds.per_edge[axis]);
-            let lower = if lower < bounds.lowest { bounds.lowest } else { lower };
+            let lower = if lower < bounds.lowest {
+                bounds.lowest
+            } else {
+                lower
+            };
             let upper = floor(high + reach, bounds.per_edge[axis]);
             let highest = bounds.highest[axis];
             let upper = if upper > highest { highest } else { upper };

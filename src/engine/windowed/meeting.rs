@@ -63,9 +63,7 @@ impl Meeting {
     /// What bounds the domain, if that is met.
     #[inline]
     pub fn bound(&self) -> Option<Bound> {
-        self.other
-            .checked_sub(AT_BOUNDARY)
-            .map(Bound::of)
+        self.other.checked_sub(AT_BOUNDARY).map(Bound::of)
     }
 
     /// By time; walls and faces before planes before pairs; lower balls first: as all exact engines do.

@@ -199,9 +199,6 @@ mod tests {
             }
         }
         let last = MOST_BALLS - 1;
-        assert_eq!(
-            Numbering::new(2).piece(last as Id),
-            Piece::Flight(last)
-        );
+        assert_eq!(Numbering::new(2).piece(last as Id), Piece::Flight(last));
     }
 }

@@ -10,10 +10,10 @@ use pulp::Arch;
 
 use super::filter::{Filter, Margins, relative};
 use super::grid::{Entry, Lists, image_of, piece_of, steps_of};
-use super::listing::Listing;
+use super::listing::{Flights, Listing};
 use super::meeting::{self, Meeting};
 use super::paths::Gas;
-use super::pieces::{FIRST, Id, Line, NONE, Origin, Past, Piece, Pieces};
+use super::pieces::{FIRST, Id, Line, NONE, Origin, Piece, Pieces};
 use crate::collision::{image_pair_time, pair_time};
 use crate::engine::contact;
 use crate::state::Trajectory;
@@ -115,7 +115,7 @@ impl Candidate {
         let place = pair[0].position_at(time);
         let other = pair[1].position_at(time) - shift;
         let point = place + (other - place) * (radius / contact);
-        let here = self.cell | self.entries[0] - piece_of(self.entries[0]);
+        let here = self.cell | (self.entries[0] - piece_of(self.entries[0]));
         (gas.grid.target_at(point) == here).then(|| Meeting {
             time: time.relative_to(gas.window.begin.epoch),
             piece: piece_of(self.entries[0]),
@@ -203,31 +203,19 @@ impl Region {
         self.filter.fastest()
     }
 
-    /// Moves the region's flights on to the window's beginning, if `advance` is one, and lists them and the pieces that follow
-    /// where they meet what bounds the domain. `lines` and `radii` are those of its flights.
-    pub fn list(
-        &mut self,
-        gas: Gas,
-        lines: &mut [Line],
-        radii: &[f32],
-        past: &Past,
-        advance: f32,
-        margins: Margins,
-        firsts: &mut Pieces,
-    ) {
+    /// Moves the region's flights on to the window's beginning and lists them and the pieces that follow where they meet what
+    /// bounds the domain.
+    pub fn list(&mut self, gas: Gas, flights: Flights, margins: Margins, firsts: &mut Pieces) {
         self.lists.clear();
         self.meetings.clear();
         self.outbox.clear();
         self.aside.clear();
         self.searched = 0;
         self.filter.begin_window(margins);
-        Listing {
+        let lines = Listing {
             gas,
             first: self.flights.start,
-            lines,
-            radii,
-            past,
-            advance,
+            flights,
             lists: &mut self.lists,
             outbox: &mut self.outbox,
             aside: &mut self.aside,

@@ -56,7 +56,10 @@ pub fn is_suitable(domain: &Domain, largest_radius: f64) -> bool {
 }
 
 fn largest_radius(gas: &Placement) -> f64 {
-    gas.bodies.iter().map(|body| body.radius).fold(0.0, f64::max)
+    gas.bodies
+        .iter()
+        .map(|body| body.radius)
+        .fold(0.0, f64::max)
 }
 
 /// Whether the windowed engine is faster than `event` for a gas: enough balls of like size, far enough apart.

@@ -46,6 +46,8 @@ pub mod history;
 pub mod output;
 pub mod quantity;
 pub mod run;
+pub mod run_directory;
+pub mod run_process;
 pub mod scene;
 pub mod signals;
 pub mod snapshot;

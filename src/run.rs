@@ -1,15 +1,18 @@
 //! One run from its options to its files, whether a screen watches it or not.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::time::Instant;
 
 use crate::check::Report;
 use crate::cli::RunOptions;
 use crate::error::{Error, Result};
+use crate::feed::message::Ending;
+use crate::feed::server::Server;
 use crate::feed::{Command, Feed};
 use crate::output::{SeriesWriter, Target, write_state};
+use crate::run_directory::{self, RunDirectory};
 use crate::scene::Scene;
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
@@ -21,6 +24,7 @@ pub struct Prepared {
     scene: Scene,
     placement: Placement,
     outputs: Outputs,
+    run_dir: Option<PathBuf>,
     engine: Choice,
     /// What is known of the run before it starts.
     pub report: Report,
@@ -35,6 +39,8 @@ struct Outputs {
 /// A run that is going on.
 pub struct Run {
     worker: Worker,
+    directory: Option<RunDirectory>,
+    server: Option<Server>,
     summary: Option<Target>,
     series: Option<SeriesWriter>,
     state: Option<Target>,
@@ -79,16 +85,29 @@ impl Prepared {
             scene,
             placement,
             outputs,
+            run_dir: options.run_dir.clone(),
             engine,
             report,
         })
     }
 
-    /// Starts the engine.
+    /// Makes the run's directory and starts the engine.
+    ///
+    /// Without `--run-dir`, a directory that cannot be made is only worth a warning.
     ///
     /// # Errors
-    /// [`Error::File`] when the series cannot be opened any more.
+    /// [`Error::File`] when the directory of `--run-dir` cannot be made, or the series cannot be opened any more.
     pub fn start(self, program_start: Instant) -> Result<Run> {
+        let directory = match open_directory(&self.scene, self.run_dir.as_deref()) {
+            Ok(directory) => Some(directory),
+            Err(error) if self.run_dir.is_some() => return Err(error),
+            Err(error) => {
+                say(&format!(
+                    "moltop: warning: the run has no directory: {error}"
+                ));
+                None
+            }
+        };
         let Outputs {
             summary,
             series,
@@ -105,16 +124,32 @@ impl Prepared {
             engine: self.engine,
             until: self.scene.until,
             series: sender,
+            directory: directory.as_ref().map(|found| found.path().to_owned()),
             program_start,
         };
         let worker = Worker::start(&self.scene, self.placement, options);
         Ok(Run {
             worker,
+            directory,
+            server: None,
             summary,
             series,
             state,
         })
     }
+}
+
+fn open_directory(scene: &Scene, wish: Option<&Path>) -> Result<RunDirectory> {
+    let directory = RunDirectory::create(&scene.title, wish)?;
+    directory.start_log()?;
+    let file = if scene.is_seed_text() {
+        run_directory::SCENE_IN_SEED_TEXT
+    } else {
+        run_directory::SCENE
+    };
+    (directory.target(file)).write(|writer| writer.write_all(scene.source.as_bytes()))?;
+    tracing::info!(run = directory.name(), pid = std::process::id(), "started");
+    Ok(directory)
 }
 
 impl Outputs {
@@ -147,17 +182,31 @@ impl Run {
         self.worker.feed()
     }
 
-    /// Stops the engine if it still runs, writes every output, and says on stderr how the run went.
+    /// The run's directory, if it has one.
+    pub fn directory(&self) -> Option<&RunDirectory> {
+        self.directory.as_ref()
+    }
+
+    /// Lets other processes watch and command the run, if it has a directory.
     ///
     /// # Errors
-    /// The first output that could not be written; the others are written all the same.
-    pub fn finish(self, exit: Exit) -> Result<Exit> {
+    /// [`Error::File`] when its socket cannot be made.
+    pub fn serve(&mut self) -> Result<()> {
+        if let Some(directory) = &self.directory {
+            self.server = Some(Server::start(directory.path(), self.feed())?);
+        }
+        Ok(())
+    }
+
+    /// Stops the engine if it still runs, writes every output, and says how the run went.
+    pub fn finish(self, exit: Exit) -> Ending {
         self.worker.feed().send(Command::Stop);
         let outcome = self.worker.join();
         let exit = Exit::of(&outcome.snapshot, exit);
         let mut written = Vec::new();
-        if let Some(target) = self.summary {
-            let summary = Summary::new(&outcome.snapshot, &exit);
+        let summary = Summary::new(&outcome.snapshot, &exit);
+        let of_run = (self.directory.as_ref()).map(|found| found.target(run_directory::SUMMARY));
+        for target in of_run.iter().chain(&self.summary) {
             written.push(target.write(|writer| summary.write(writer)));
         }
         // The worker is gone, and with it the sender of rows.
@@ -172,16 +221,39 @@ impl Run {
                 )),
             });
         }
-        say(for_people(&outcome.snapshot, &exit).trim_end());
-        // Of several failures the last is returned and reported by the caller, the others are said here.
-        let mut failure = None;
-        for error in written.into_iter().filter_map(Result::err) {
-            if let Some(earlier) = failure.replace(error) {
-                say(&format!("moltop: {earlier}"));
+        let failures: Vec<String> = (written.into_iter().filter_map(Result::err))
+            .map(|error| error.to_string())
+            .collect();
+        let ending = Ending {
+            code: if failures.is_empty() { exit.code() } else { 1 },
+            summary: for_people(&outcome.snapshot, &exit),
+            failures,
+        };
+        for failure in &ending.failures {
+            tracing::error!("{failure}");
+        }
+        tracing::info!("ended: {}", exit.words());
+        if let Some(directory) = &self.directory {
+            let words =
+                |writer: &mut dyn Write| writeln!(writer, "{} {}", ending.code, exit.words());
+            if let Err(error) = directory.target(run_directory::EXIT).write(words) {
+                tracing::error!("{error}");
             }
         }
-        failure.map_or(Ok(exit), Err)
+        if let Some(server) = self.server {
+            server.finish(ending.clone());
+        }
+        ending
     }
+}
+
+/// Says on stderr how a run ended; gives back its exit code.
+pub fn tell(ending: &Ending) -> u8 {
+    say(ending.summary.trim_end());
+    for failure in &ending.failures {
+        say(&format!("moltop: {failure}"));
+    }
+    ending.code
 }
 
 /// A line on stderr; when nobody listens there, there is nobody to tell.

@@ -32,9 +32,15 @@ fn watching(phase: &Phase, reversed: bool) -> App {
                 error: None,
             });
         }
-        app.observe(Arc::new(snapshot));
+        show(&mut app, snapshot);
     }
     app
+}
+
+/// Takes in a snapshot and puts it on the screen, unless that is frozen.
+fn show(app: &mut App, snapshot: Snapshot) {
+    app.observe(Arc::new(snapshot));
+    app.refresh(true);
 }
 
 fn press(app: &mut App, code: KeyCode) -> (Option<Leave>, Vec<Command>) {
@@ -95,7 +101,7 @@ fn a_run_that_has_found_back() {
         retraced: 1.0,
         error: Some(3.1e-13),
     });
-    app.observe(Arc::new(back));
+    show(&mut app, back);
     golden("came_back", &app, 80, 24);
 }
 
@@ -125,7 +131,7 @@ fn a_run_that_needs_a_look() {
 #[test]
 fn fixed_steps_say_what_they_miss() {
     let mut stepped = running(small_gas(), 12);
-    stepped.engine = "step";
+    stepped.engine = "step".into();
     stepped.max_overlap = Some(3.0e-2);
     stepped.counts.audited_steps = 40;
     stepped.counts.missed_collisions = 12;
@@ -138,7 +144,7 @@ fn fixed_steps_say_what_they_miss() {
 #[test]
 fn integers_remember() {
     let mut exact = running(small_gas(), 12);
-    exact.engine = "reversible";
+    exact.engine = "reversible".into();
     exact.echo_horizon = None;
     exact.counts.remembered_events = 44;
     let app = App::new(Arc::new(exact), false);
@@ -180,7 +186,7 @@ fn a_frozen_screen_rests_while_the_run_goes_on() {
     let mut app = watching(&Phase::Running, false);
     press(&mut app, KeyCode::Char('f'));
     let before = screen(&app, 80, 24);
-    assert!(!app.observe(Arc::new(running(oxygen(), 90))));
+    show(&mut app, running(oxygen(), 90));
     assert_eq!(screen(&app, 80, 24), before);
     golden("frozen", &app, 80, 24);
 }

@@ -45,6 +45,9 @@ use region::{Region, Shelves};
 /// Windows between two sortings of the balls.
 const WINDOWS_PER_SORT: u32 = 8;
 
+/// Collisions per ball with which a window is full, because its length was foreseen for a gas with room.
+const MOST_PER_WINDOW: usize = 4;
+
 /// Fewest balls in a region: a thread must have enough to do to be worth starting.
 const BALLS_PER_REGION: usize = 10_000;
 
@@ -67,8 +70,10 @@ pub struct Windowed {
     /// Whether the lines are still at the beginning of the window before.
     behind: bool,
     windows_since_sort: u32,
-    /// Pair collisions before the last sorting.
-    collisions_at_sort: u64,
+    /// When the balls were last sorted, and the pair collisions before that.
+    last_sort: (Time, u64),
+    /// Flights begun in this window.
+    turns: usize,
     /// Largest component of any piece's velocity since the balls were sorted.
     fastest: f32,
     /// Meetings found before the window's commits began, in order, and how many of them are done.
@@ -127,7 +132,8 @@ impl Windowed {
             length: 1.0,
             behind: false,
             windows_since_sort: 0,
-            collisions_at_sort: 0,
+            last_sort: (state.now, 0),
+            turns: 0,
             fastest: 0.0,
             meetings: Vec::new(),
             done: 0,
@@ -245,11 +251,11 @@ impl Windowed {
         let flights = self.state.trajectories.iter();
         let squares: f64 = flights.map(|flight| flight.velocity.length_squared()).sum();
         let deviation = (squares / (3.0 * count)).sqrt();
-        let (before, now) = (self.collisions_at_sort, self.counters.pair_collisions);
-        self.collisions_at_sort = now;
-        let elapsed = self.length * f64::from(self.windows_since_sort);
+        let (then, before) = self.last_sort;
+        self.last_sort = (self.state.now, self.counters.pair_collisions);
+        let elapsed = self.state.now.since(then);
         let rate = if elapsed > 0.0 {
-            2.0 * (now - before) as f64 / (count * elapsed)
+            2.0 * (self.counters.pair_collisions - before) as f64 / (count * elapsed)
         } else {
             0.0
         };
@@ -263,6 +269,7 @@ impl Windowed {
             self.sort();
         }
         self.windows_since_sort += 1;
+        self.turns = 0;
         let window = self.next_window();
         for (past, pieces) in self.past.0.iter_mut().zip(&mut self.pieces) {
             for (past, pieces) in past.iter_mut().zip(pieces) {
@@ -401,13 +408,19 @@ impl Engine for Windowed {
             } else {
                 window.end
             };
-            self.commit_until(limit, window, report)?;
-            self.state.now = limit;
+            // Long lists are slow to search: when the window is full, a new one begins.
+            let full = self.commit_until(limit, window, report)?;
+            if !full {
+                self.state.now = limit;
+            }
             self.counters.queue_length_max = self
                 .counters
                 .queue_length_max
                 .max(self.queue_length() as u64);
-            if limit == window.end {
+            if full {
+                self.windows_since_sort = WINDOWS_PER_SORT;
+            }
+            if full || limit == window.end {
                 self.close();
             }
         }

@@ -6,11 +6,12 @@ use std::sync::Arc;
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
-use crate::feed::Command;
+use crate::feed::{Access, Command};
 use crate::snapshot::{Phase, Snapshot};
 use crate::tui::Leave;
 use crate::tui::camera::Camera;
 use crate::tui::keys::{self, Action};
+use crate::tui::link::Link;
 use crate::tui::picture::Mode;
 use crate::tui::trails::Trails;
 
@@ -37,18 +38,28 @@ const PATIENCE: u64 = 3;
 
 /// The dashboard's state.
 pub struct App {
-    /// The newest snapshot.
+    /// The newest snapshot: what the run's state is known from.
     pub latest: Arc<Snapshot>,
-    /// The snapshot the screen was frozen at.
-    pub frozen: Option<Arc<Snapshot>>,
+    /// The snapshot whose numbers are on the screen.
+    pub numbers: Arc<Snapshot>,
+    /// The snapshot whose picture is on the screen.
+    pub pictured: Arc<Snapshot>,
+    /// Whether numbers and picture rest while the run goes on.
+    pub frozen: bool,
+    /// What watching costs.
+    pub link: Link,
     /// Where the picture is seen from.
     pub camera: Camera,
     /// What the picture shows.
     pub mode: Mode,
     /// The panel over the dashboard.
     pub overlay: Option<Overlay>,
-    /// Paths of the tagged molecules.
+    /// Paths of the tagged molecules up to the picture on the screen.
     pub trails: Trails,
+    /// What leaving means, and whether keys reach the run.
+    pub access: Access,
+    /// Paths up to the newest snapshot.
+    newest_trails: Trails,
     /// Whether the screen may use 7-bit characters only.
     pub ascii: bool,
     failure_shown: bool,
@@ -63,11 +74,16 @@ impl App {
     pub fn new(first: Arc<Snapshot>, ascii: bool) -> Self {
         let mut app = Self {
             latest: first.clone(),
-            frozen: None,
+            numbers: first.clone(),
+            pictured: first.clone(),
+            frozen: false,
+            link: Link::default(),
             camera: Camera::default(),
             mode: Mode::Slab,
             overlay: None,
             trails: Trails::default(),
+            access: Access::default(),
+            newest_trails: Trails::default(),
             ascii,
             failure_shown: false,
             free_rate: None,
@@ -75,15 +91,28 @@ impl App {
             limit_wish: None,
         };
         app.observe(first);
+        app.refresh(true);
         app
     }
 
-    /// The snapshot on the screen.
+    /// The snapshot whose numbers are on the screen.
     pub fn shown(&self) -> &Snapshot {
-        self.frozen.as_ref().unwrap_or(&self.latest)
+        &self.numbers
     }
 
-    /// Takes in a snapshot; says whether the screen changes.
+    /// Puts the newest numbers on the screen, and the newest picture too; nothing while the screen is frozen.
+    pub fn refresh(&mut self, picture: bool) {
+        if self.frozen {
+            return;
+        }
+        self.numbers = self.latest.clone();
+        if picture {
+            self.pictured = self.latest.clone();
+            self.trails.clone_from(&self.newest_trails);
+        }
+    }
+
+    /// Takes in a snapshot; says whether the run's state changed, which is shown at once.
     pub fn observe(&mut self, snapshot: Arc<Snapshot>) -> bool {
         let new_state =
             snapshot.phase != self.latest.phase || snapshot.reversed != self.latest.reversed;
@@ -104,13 +133,9 @@ impl App {
         if matches!(self.latest.phase, Phase::Failed(_)) && !self.failure_shown {
             self.failure_shown = true;
             self.overlay = Some(Overlay::Failure);
-            return true;
         }
-        if self.frozen.is_some() {
-            return new_state;
-        }
-        self.trails.record(&self.latest);
-        true
+        self.newest_trails.record(&self.latest);
+        new_state
     }
 
     /// Obeys a key: hands commands to `send`, and says when it is time to leave.
@@ -120,7 +145,10 @@ impl App {
         }
         let control = key.modifiers.contains(KeyModifiers::CONTROL);
         if control && matches!(key.code, KeyCode::Char('c' | 'C')) {
-            return Some(Leave::Quit);
+            return Some(match self.access {
+                Access::Owner => Leave::Quit,
+                Access::Watcher | Access::ReadOnly => Leave::Detach,
+            });
         }
         if control || key.modifiers.contains(KeyModifiers::ALT) {
             return None;
@@ -141,8 +169,11 @@ impl App {
     }
 
     fn answer(&mut self, code: KeyCode) -> Option<Leave> {
+        let owner = self.access == Access::Owner;
         match code {
-            KeyCode::Char('y' | 'Y') | KeyCode::Enter => return Some(Leave::Quit),
+            KeyCode::Char('y' | 'Y') => return Some(Leave::Quit),
+            KeyCode::Enter if owner => return Some(Leave::Quit),
+            KeyCode::Char('d' | 'D') | KeyCode::Enter if !owner => return Some(Leave::Detach),
             KeyCode::Char('n' | 'N') | KeyCode::Esc => self.overlay = None,
             _ => {}
         }
@@ -173,10 +204,21 @@ impl App {
             }
             Action::Freeze => self.freeze(),
             Action::Help => self.overlay = Some(Overlay::Help),
-            Action::Quit if self.going_on() => self.overlay = Some(Overlay::QuitQuestion),
-            Action::Quit => return Some(Leave::Quit),
+            Action::Quit | Action::Detach if !self.going_on() => return Some(Leave::Quit),
+            Action::Quit | Action::Detach => return self.leave(action),
         }
         None
+    }
+
+    /// Leaves a run that goes on, or asks before.
+    fn leave(&mut self, action: Action) -> Option<Leave> {
+        match (self.access, action) {
+            (Access::ReadOnly, _) | (Access::Watcher, Action::Detach) => Some(Leave::Detach),
+            _ => {
+                self.overlay = Some(Overlay::QuitQuestion);
+                None
+            }
+        }
     }
 
     /// Whether there is a run to stop.
@@ -203,12 +245,8 @@ impl App {
     }
 
     fn freeze(&mut self) {
-        if self.frozen.take().is_some() {
-            // What happened behind the frozen screen would be one long straight flight.
-            self.trails.clear();
-        } else {
-            self.frozen = Some(self.latest.clone());
-        }
+        self.frozen = !self.frozen;
+        self.refresh(true);
     }
 
     /// The ceiling as the user last set it.

@@ -6,11 +6,11 @@
 use std::cmp::Ordering;
 use std::hint::black_box;
 
-use super::Windowed;
 use super::meeting::{Bound, Meeting};
 use super::paths::Window;
 use super::pieces::{Id, LATER, NONE, Origin, Piece};
 use super::region::{Shelves, shift_by};
+use super::{MOST_PER_WINDOW, Windowed};
 use crate::engine::Stuck;
 use crate::engine::contact;
 use crate::event::{Collision, Participants, Wall};
@@ -20,21 +20,25 @@ use crate::state::{Time, Trajectory};
 const READ_AHEAD: usize = 16;
 
 impl Windowed {
-    /// Carries out the meetings that come no later than `limit`.
+    /// Carries out the meetings that come no later than `limit`; gives whether it stopped earlier, because the window is full.
     pub(super) fn commit_until(
         &mut self,
         limit: Time,
         window: Window,
         report: &mut dyn FnMut(&Collision),
-    ) -> Result<(), Stuck> {
+    ) -> Result<bool, Stuck> {
+        let most = MOST_PER_WINDOW * self.lines.len();
         let limit = limit.relative_to(window.begin.epoch);
         while let Some(meeting) = self.take_next(limit) {
             match meeting.bound() {
                 Some(bound) => self.meet_bound(meeting, bound, window, report)?,
                 None => self.meet(meeting, window, report)?,
             }
+            if self.turns > most {
+                return Ok(true);
+            }
         }
-        Ok(())
+        Ok(false)
     }
 
     /// The next meeting in order, if it comes no later than `limit`.
@@ -218,6 +222,7 @@ impl Windowed {
     /// A ball goes on along another piece, after a collision.
     #[inline]
     fn turn(&mut self, ball: u32, owner: Id, piece: Id, after: Trajectory) {
+        self.turns += 1;
         self.lines[owner as usize].link = piece;
         self.state.trajectories[ball as usize] = after;
         self.state.collisions[ball as usize] += 1;

@@ -22,6 +22,9 @@ const COLLISIONS_PER_WINDOW: f64 = 0.1;
 /// Longest window \[epochs\]: times in it stay exact relative to its first epoch.
 const LONGEST_WINDOW: f64 = 4.0;
 
+/// Shortest window \[epochs\]: far above the grid of time.
+const SHORTEST_WINDOW: f64 = 1.0 / (1_u64 << 40) as f64;
+
 /// From which numbers of balls, and at which mean spacing in diameters, this engine is the faster one (measured).
 const FEW_BALLS: usize = 1000;
 const MANY_BALLS: usize = 20_000;
@@ -105,5 +108,5 @@ pub fn window_length(state: &State, cell_width: f64, deviation: f64, rate: f64) 
     let transit = CROSSINGS_PER_WINDOW * cell_width / (CROSSINGS_PER_WIDTH * deviation);
     transit
         .min(COLLISIONS_PER_WINDOW / expected_rate.max(rate))
-        .min(LONGEST_WINDOW)
+        .clamp(SHORTEST_WINDOW, LONGEST_WINDOW)
 }

@@ -216,6 +216,9 @@ pub struct RunOptions {
     /// Write all balls at the end as CSV
     #[arg(long, value_name = "FILE", env = "MOLTOP_STATE")]
     pub state: Option<PathBuf>,
+    /// Write every observable over the whole run as CSV: finer for the recent past, with mean, lowest and highest value
+    #[arg(long, value_name = "FILE", env = "MOLTOP_HISTORY")]
+    pub history: Option<PathBuf>,
     /// Overwrite output files that exist
     #[arg(long, env = "MOLTOP_FORCE", value_parser = FalseyValueParser::new())]
     pub force: bool,

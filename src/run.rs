@@ -9,7 +9,7 @@ use crate::check::Report;
 use crate::cli::RunOptions;
 use crate::error::{Error, Result};
 use crate::feed::{Command, Feed};
-use crate::output::{SeriesWriter, Target, write_state};
+use crate::output::{SeriesWriter, Target, write_history, write_state};
 use crate::scene::Scene;
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
@@ -30,6 +30,7 @@ struct Outputs {
     summary: Option<Target>,
     series: Option<Target>,
     state: Option<Target>,
+    history: Option<Target>,
 }
 
 /// A run that is going on.
@@ -38,6 +39,7 @@ pub struct Run {
     summary: Option<Target>,
     series: Option<SeriesWriter>,
     state: Option<Target>,
+    history: Option<Target>,
 }
 
 /// The scene of the command line: a file, or the embedded one.
@@ -93,6 +95,7 @@ impl Prepared {
             summary,
             series,
             state,
+            history,
         } = self.outputs;
         let (sender, series) = match series {
             Some(target) => {
@@ -113,13 +116,19 @@ impl Prepared {
             summary,
             series,
             state,
+            history,
         })
     }
 }
 
 impl Outputs {
     fn new(options: &RunOptions) -> Result<Self> {
-        let paths = [&options.summary, &options.series, &options.state];
+        let paths = [
+            &options.summary,
+            &options.series,
+            &options.state,
+            &options.history,
+        ];
         for (index, path) in paths.iter().enumerate() {
             if path.is_some() && paths[..index].contains(path) {
                 return Err(Error::Usage(
@@ -132,11 +141,12 @@ impl Outputs {
                 .map(|path| Target::new(path, options.force))
                 .transpose()
         };
-        let [summary, series, state] = paths.map(target);
+        let [summary, series, state, history] = paths.map(target);
         Ok(Self {
             summary: summary?,
             series: series?,
             state: state?,
+            history: history?,
         })
     }
 }
@@ -171,6 +181,10 @@ impl Run {
                     "the engine failed, so there is no state to write".to_owned(),
                 )),
             });
+        }
+        if let Some(target) = self.history {
+            let history = &outcome.snapshot.history;
+            written.push(target.write(|writer| write_history(writer, history)));
         }
         say(for_people(&outcome.snapshot, &exit).trim_end());
         // Of several failures the last is returned and reported by the caller, the others are said here.

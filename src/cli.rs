@@ -220,6 +220,9 @@ pub struct RunOptions {
     /// Write all balls at the end as CSV
     #[arg(long, value_name = "FILE", env = "MOLTOP_STATE")]
     pub state: Option<PathBuf>,
+    /// Write every observable over the whole run as CSV: finer for the recent past, with mean, lowest and highest value
+    #[arg(long, value_name = "FILE", env = "MOLTOP_HISTORY")]
+    pub history: Option<PathBuf>,
     /// Directory of the run, new or empty [default: one named after the scene, in ~/.local/state/moltop]
     #[arg(long, value_name = "DIR", env = "MOLTOP_RUN_DIR")]
     pub run_dir: Option<PathBuf>,

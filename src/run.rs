@@ -9,7 +9,7 @@ use crate::check::Report;
 use crate::cli::RunOptions;
 use crate::error::{Error, Result};
 use crate::feed::{Command, Feed};
-use crate::output::{SeriesWriter, Target, write_state};
+use crate::output::{SeriesWriter, Target, write_history, write_state};
 use crate::run_directory::{self, RunDirectory};
 use crate::scene::Scene;
 use crate::state::Placement;
@@ -32,6 +32,7 @@ struct Outputs {
     summary: Option<Target>,
     series: Option<Target>,
     state: Option<Target>,
+    history: Option<Target>,
 }
 
 /// A run that is going on.
@@ -41,6 +42,7 @@ pub struct Run {
     summary: Option<Target>,
     series: Option<SeriesWriter>,
     state: Option<Target>,
+    history: Option<Target>,
 }
 
 /// The scene of the command line: a file, or the embedded one.
@@ -109,6 +111,7 @@ impl Prepared {
             summary,
             series,
             state,
+            history,
         } = self.outputs;
         let (sender, series) = match series {
             Some(target) => {
@@ -131,6 +134,7 @@ impl Prepared {
             summary,
             series,
             state,
+            history,
         })
     }
 }
@@ -150,7 +154,12 @@ fn open_directory(scene: &Scene, wish: Option<&Path>) -> Result<RunDirectory> {
 
 impl Outputs {
     fn new(options: &RunOptions) -> Result<Self> {
-        let paths = [&options.summary, &options.series, &options.state];
+        let paths = [
+            &options.summary,
+            &options.series,
+            &options.state,
+            &options.history,
+        ];
         for (index, path) in paths.iter().enumerate() {
             if path.is_some() && paths[..index].contains(path) {
                 return Err(Error::Usage(
@@ -163,11 +172,12 @@ impl Outputs {
                 .map(|path| Target::new(path, options.force))
                 .transpose()
         };
-        let [summary, series, state] = paths.map(target);
+        let [summary, series, state, history] = paths.map(target);
         Ok(Self {
             summary: summary?,
             series: series?,
             state: state?,
+            history: history?,
         })
     }
 }
@@ -203,6 +213,11 @@ impl Run {
                     "the engine failed, so there is no state to write".to_owned(),
                 )),
             });
+        }
+        let history = &outcome.snapshot.history;
+        let of_run = (self.directory.as_ref()).map(|found| found.target(run_directory::HISTORY));
+        for target in of_run.iter().chain(&self.history) {
+            written.push(target.write(|writer| write_history(writer, history)));
         }
         if let Some(directory) = &self.directory {
             tracing::info!("ended: {}", exit.words());

@@ -11,6 +11,8 @@ use serde::Serialize;
 
 pub use accuracy::Check;
 
+pub use crate::history::{History, Observable, Range, Stretch};
+
 /// The unit system of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -152,21 +154,6 @@ pub struct Speeds {
     pub ks_critical: f64,
 }
 
-/// One point of the run's history.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HistoryPoint {
-    /// Simulated time at the end of the interval this point covers.
-    pub time: f64,
-    /// Temperature at that time.
-    pub temperature: f64,
-    /// Wall pressure over the interval.
-    pub pressure: f64,
-    /// Pair collisions per simulated time over the interval.
-    pub pair_rate: f64,
-    /// Events in the queue at that time.
-    pub queue_length: f64,
-}
-
 /// How far a reversed run has found its way back.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Echo {
@@ -277,8 +264,8 @@ pub struct Snapshot {
     pub state_hash: Option<u64>,
     /// The balls that the scene names.
     pub named: Vec<NamedBall>,
-    /// The run's history, oldest first, bounded.
-    pub history: Arc<Vec<HistoryPoint>>,
+    /// The run's history, in constant memory.
+    pub history: Arc<History>,
     /// Balls for the picture; `None` while nobody watches.
     pub sample: Option<Arc<Sample>>,
 }

@@ -5,7 +5,7 @@ mod fake;
 use std::sync::Arc;
 
 use moltop::feed::Command;
-use moltop::snapshot::{Boundary, Echo, Phase, SceneCard, Snapshot};
+use moltop::snapshot::{Boundary, Echo, Observable, Phase, SceneCard, Snapshot, Stretch};
 use moltop::tui::Leave;
 use moltop::tui::app::{App, Overlay};
 use moltop::tui::picture::Mode;
@@ -269,10 +269,13 @@ fn hostile() -> Snapshot {
     snapshot.expected.pair_rate = Some(0.0);
     snapshot.kinetic_energy = f64::MAX;
     let history = Arc::make_mut(&mut snapshot.history);
-    for (index, point) in history.iter_mut().enumerate() {
-        point.temperature = [f64::NAN, f64::MAX, -f64::MAX, 0.0][index % 4];
-        point.pressure = f64::NAN;
-        point.time = [1.0, f64::NAN, 0.5, -1.0][index % 4];
+    for index in 0..300 {
+        let time = [1.0, f64::NAN, 0.5, -1.0][index % 4];
+        let temperature = [f64::NAN, f64::MAX, -f64::MAX, 0.0][index % 4];
+        let stretch = Stretch::new(f64::NAN, time, f64::INFINITY)
+            .with(Observable::Temperature, Some(temperature))
+            .with(Observable::PressureWall, Some(f64::NAN));
+        history.push(stretch);
     }
     let speeds = Arc::make_mut(snapshot.speeds.as_mut().expect("a running run has speeds"));
     speeds.ks_critical = 0.0;

@@ -4,8 +4,8 @@ use std::sync::{Arc, Mutex};
 
 use moltop::feed::{Command, Feed};
 use moltop::snapshot::{
-    Boundary, Counts, Expected, HistoryPoint, Phase, Pressure, Sample, SceneCard, Snapshot, Speeds,
-    Units,
+    Boundary, Counts, Expected, History, Observable, Phase, Pressure, Sample, SceneCard, Snapshot,
+    Speeds, Stretch, Units,
 };
 
 /// Numbers in `[0, 1)` from a seed. Source: Steele, Lea and Flood, `SplitMix64`.
@@ -79,15 +79,20 @@ pub fn running(scene: SceneCard, frame: u64) -> Snapshot {
     };
     let time = time_unit * (12.48 + 0.029 * frame as f64);
     let mut random = Random(7);
-    let history = (1..=300)
-        .map(|i| HistoryPoint {
-            time: time * f64::from(i) / 300.0,
-            temperature: heat,
-            pressure: pressure_unit * (1.0 + 0.02 * random.normal()),
-            pair_rate: 2.087e15 * (1.0 + 0.004 * random.normal()),
-            queue_length: 47_300.0 + 80.0 * random.normal(),
-        })
-        .collect();
+    let mut history = History::default();
+    for i in 1..=300 {
+        let end = |i: u32| time * f64::from(i) / 300.0;
+        let mut around = |mean: f64, deviation: f64| Some(mean + deviation * random.normal());
+        let stretch = Stretch::new(end(i - 1), end(i), 0.5 * f64::from(i))
+            .with(Observable::Temperature, Some(heat))
+            .with(
+                Observable::PressureWall,
+                around(pressure_unit, 0.02 * pressure_unit),
+            )
+            .with(Observable::PairRate, around(2.087e15, 0.004 * 2.087e15))
+            .with(Observable::QueueLength, around(47_300.0, 80.0));
+        history.push(stretch);
+    }
     Snapshot {
         sequence: 2 + frame,
         phase: Phase::Running,

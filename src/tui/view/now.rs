@@ -5,7 +5,7 @@ use ratatui::layout::Rect;
 
 use super::chart::{self, Series};
 use super::text::{framed, put, put_before, title};
-use crate::snapshot::{HistoryPoint, Snapshot, Units};
+use crate::snapshot::{Observable, Snapshot, Units};
 use crate::tui::app::App;
 use crate::tui::format::{
     MISSING, count, percent_off, plain, quantity, scientific, si, sigmas, with_error,
@@ -100,13 +100,14 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
     let pressure = snapshot.pressure;
     let measured = pressure.wall.or(pressure.virial); // a periodic box has no walls
     let expected = snapshot.expected;
-    let history = |value: fn(&HistoryPoint) -> f64, expected: Option<f64>| Series {
-        points: snapshot
-            .history
-            .iter()
-            .map(|point| (point.time, value(point)))
-            .collect(),
+    let history = |observable: Observable, expected: Option<f64>| Series {
+        points: snapshot.history.means(observable),
         expected,
+    };
+    let pressure_route = if pressure.wall.is_some() {
+        Observable::PressureWall
+    } else {
+        Observable::PressureVirial
     };
     let axis = move |unit: &'static str| -> Box<dyn Fn(f64) -> String> {
         Box::new(move |value| quantity(Some(value), unit, units, 4))
@@ -119,7 +120,7 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
         value: quantity(snapshot.temperature, "K", units, 5),
         theory: String::new(),
         remark: String::new(),
-        series: history(|point| point.temperature, None),
+        series: history(Observable::Temperature, None),
         axis: axis("K"),
     };
     let pressure = Entry {
@@ -129,7 +130,7 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
             quantity(Some(value), "Pa", units, 5)
         }),
         remark: pressure_remark(snapshot, measured),
-        series: history(|point| point.pressure, expected.pressure),
+        series: history(pressure_route, expected.pressure),
         axis: axis("Pa"),
     };
     let collisions = Entry {
@@ -137,7 +138,7 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
         value: rate(snapshot.pair_rate, units),
         theory: beside(expected.pair_rate, &|value| rate(Some(value), units)),
         remark: percent_off(snapshot.pair_rate, expected.pair_rate).unwrap_or_default(),
-        series: history(|point| point.pair_rate, expected.pair_rate),
+        series: history(Observable::PairRate, expected.pair_rate),
         axis: Box::new(move |value| match units {
             Units::Si => scientific(value, 4),
             Units::Reduced => plain(value, 4),
@@ -148,7 +149,7 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
         value: format!("{} events", count(snapshot.queue_length)),
         theory: String::new(),
         remark: String::new(),
-        series: history(|point| point.queue_length, None),
+        series: history(Observable::QueueLength, None),
         axis: Box::new(|value| si(value, "", 4)),
     };
     [temperature, pressure, collisions, queue]

@@ -101,6 +101,16 @@ pub enum Command {
         /// Which shell
         shell: Shell,
     },
+    /// Print a template of the dashboard's settings: looks, rates and keys
+    #[command(after_help = "Example: moltop config > ~/.config/moltop/config.toml")]
+    Config {
+        /// Look for faults in the settings instead
+        #[arg(long)]
+        check: bool,
+        /// File to look at [default: the user's]
+        #[arg(requires = "check")]
+        file: Option<PathBuf>,
+    },
     /// Print the manual page
     #[command(after_help = "Example: moltop man | man -l -")]
     Man,

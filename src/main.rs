@@ -1,5 +1,6 @@
 //! The `moltop` program: arguments to a task, a task to an exit code.
 
+use std::fs;
 use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -24,7 +25,7 @@ fn main() -> ExitCode {
     let program_start = Instant::now();
     let cli = Cli::parse();
     let done = match cli.command {
-        None => watch(&cli.watch, &cli.screen, program_start),
+        None => watch(&cli.watch, cli.screen, program_start),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
         Some(Command::Experiment(Experiment::Extremes(options))) => extremes::run(&options),
@@ -41,6 +42,7 @@ fn main() -> ExitCode {
             print(&text)
         }
         Some(Command::Man) => man(),
+        Some(Command::Config { check, file }) => config(check, file),
     };
     match done {
         Ok(code) => ExitCode::from(code),
@@ -68,16 +70,17 @@ fn run(options: &RunOptions, yes: bool, program_start: Instant) -> Result<u8> {
     Ok(run.finish(exit)?.code())
 }
 
-fn watch(options: &RunOptions, screen: &tui::Options, program_start: Instant) -> Result<u8> {
+fn watch(options: &RunOptions, screen: tui::Options, program_start: Instant) -> Result<u8> {
     if !io::stdout().is_terminal() {
         return Err(Error::Usage(
             "the dashboard needs a terminal: `moltop run SCENE` needs none".to_owned(),
         ));
     }
+    let screen = screen.with_settings()?;
     let prepared = Prepared::new(options)?;
     let signals = Signals::listen()?;
     let run = prepared.start(program_start)?;
-    let left = tui::run(&run.feed(), signals.stop(), screen);
+    let left = tui::run(&run.feed(), signals.stop(), &screen);
     let exit = match (&left, signals.received()) {
         (_, Some(number)) => Exit::Signal(number),
         (Ok(Leave::HangUp), None) => Exit::Signal(SIGHUP),
@@ -150,7 +153,27 @@ fn man() -> Result<u8> {
     clap_mangen::Man::new(Cli::command())
         .render(&mut text)
         .expect("memory takes all");
+    text.extend(tui::keys::manual().bytes());
     print(&text)
+}
+
+/// Prints a template of the dashboard's settings, or looks for faults in a file.
+fn config(check: bool, file: Option<PathBuf>) -> Result<u8> {
+    use tui::config;
+    if !check {
+        return print(config::template().as_bytes());
+    }
+    let path = file.or_else(config::path);
+    let Some(path) = path.filter(|path| path.exists()) else {
+        return print(b"no settings: all are at their defaults\n");
+    };
+    let text = fs::read_to_string(&path).map_err(|source| Error::File {
+        path: path.clone(),
+        action: "read",
+        source,
+    })?;
+    config::parse(&path, &text)?;
+    print(format!("{}: good\n", path.display()).as_bytes())
 }
 
 /// Writes to stdout; a reader that has seen enough, such as `head`, is no failure.

@@ -140,7 +140,7 @@ pub struct Expected {
 }
 
 /// Speed histogram against Maxwell's distribution at the measured temperature.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Speeds {
     /// Width of a bin \[speed\]; bin `i` holds speeds in `[i, i + 1) * bin_width`, the last one also everything faster.
     pub bin_width: f64,
@@ -152,6 +152,14 @@ pub struct Speeds {
     pub ks: f64,
     /// The distance that one run in a thousand exceeds by chance, `1.949 / sqrt(n)`.
     pub ks_critical: f64,
+    /// Balls per bin of each velocity component, over bins of `component_bin_width` that lie even about zero.
+    pub components: [Vec<u64>; 3],
+    /// Balls per bin that the normal distribution expects of each.
+    pub normal: Vec<f64>,
+    /// Width of those bins \[speed\].
+    pub component_bin_width: f64,
+    /// Kolmogorov-Smirnov distance of each component from the normal distribution, at the bin edges.
+    pub component_ks: [f64; 3],
 }
 
 /// How far a reversed run has found its way back.

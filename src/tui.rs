@@ -5,6 +5,8 @@
 
 pub mod app;
 pub mod camera;
+pub mod config;
+pub mod copy;
 pub mod format;
 pub mod frame;
 pub mod input;
@@ -14,6 +16,7 @@ pub mod options;
 pub mod pace;
 pub mod picture;
 pub mod receipt;
+pub mod span;
 pub mod terminal;
 pub mod theme;
 pub mod trails;
@@ -24,15 +27,16 @@ use std::time::{Duration, Instant};
 
 use ratatui::buffer::Buffer;
 use ratatui::crossterm::event::Event;
-use ratatui::layout::Rect;
+use ratatui::layout::{Position, Rect};
 
 use crate::error::Result;
 use crate::feed::{Command, Feed};
-use app::App;
+use app::{App, Request};
 use link::Meter;
 pub use options::Options;
 use pace::{Due, News, Pace};
 use terminal::Screen;
+use theme::Theme;
 
 /// Why the dashboard ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,7 +63,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// # Errors
 /// When standard output is no terminal, or the terminal refuses.
 pub fn run(feed: &dyn Feed, stop: &AtomicBool, options: &Options) -> Result<Leave> {
-    let mut screen = Screen::take(options.palette())?;
+    let mut screen = Screen::take(options.palette(), options.mouse())?;
     feed.send(Command::Watch(true));
     let left = Watcher::new(feed, options).watch(stop, &mut screen);
     feed.send(Command::Watch(false));
@@ -78,20 +82,24 @@ struct Watcher<'a> {
     /// When a frame was last left out.
     left_out: Instant,
     size: (u16, u16),
+    theme: Theme,
 }
 
 impl<'a> Watcher<'a> {
     fn new(feed: &'a dyn Feed, options: &Options) -> Self {
         let now = Instant::now();
+        let mut app = App::new(feed.latest(), options.is_ascii());
+        app.keymap = options.config.keymap.clone();
         Self {
             feed,
-            app: App::new(feed.latest(), options.is_ascii()),
+            app,
             pace: Pace::new(options.budget(), options.picture_rate(), now),
             meter: Meter::new(options.budget(), now),
             news: News::default(),
             asked: None,
             left_out: now,
             size: (0, 0),
+            theme: options.theme(),
         }
     }
 
@@ -115,6 +123,7 @@ impl<'a> Watcher<'a> {
                     if let Some(leave) = self.obey(&event) {
                         return Ok(leave);
                     }
+                    self.grant(screen);
                 }
             }
         }
@@ -143,6 +152,7 @@ impl<'a> Watcher<'a> {
     /// Draws what is due, if the terminal has taken the frame before.
     fn draw(&mut self, screen: &mut Screen) -> Result<()> {
         let now = Instant::now();
+        self.news.picture |= self.app.turning && !self.app.frozen;
         let due = self.pace.due(self.news, now);
         // A terminal without a size shows nothing.
         if due == Due::Nothing || self.size.0 == 0 || self.size.1 == 0 {
@@ -154,6 +164,9 @@ impl<'a> Watcher<'a> {
                 self.meter.dropped();
             }
             return Ok(());
+        }
+        if due == Due::Everything {
+            self.app.turn_by_itself();
         }
         if due != Due::Response {
             self.app.link = self.meter.read(now);
@@ -178,10 +191,35 @@ impl<'a> Watcher<'a> {
                 let feed = self.feed;
                 self.app.press(*key, &mut |command| feed.send(command))
             }
+            Event::Mouse(mouse) => {
+                let area = Rect::new(0, 0, self.size.0, self.size.1);
+                let at = Position::new(mouse.column, mouse.row);
+                let panels = view::panels(&self.app, area);
+                let under = panels.iter().find(|(_, place)| place.contains(at));
+                let on_title = under.is_some_and(|(_, place)| place.y == mouse.row);
+                self.app
+                    .point(mouse, under.map(|(panel, _)| *panel), on_title);
+                None
+            }
             _ => None,
         };
         self.news.response = true;
         self.asked = Some(Instant::now());
         leave
+    }
+
+    /// Does what a key asked for and only the terminal's holder can do.
+    fn grant(&mut self, screen: &mut Screen) {
+        match self.app.request.take() {
+            Some(Request::Copy) => {
+                let written = copy::write(screen.shown(), self.theme);
+                self.app.message = Some(match written {
+                    Ok(name) => format!("written to {name}.txt and {name}.svg"),
+                    Err(error) => format!("the copy could not be written: {error}"),
+                });
+            }
+            Some(Request::Redraw) => screen.forget(),
+            None => {}
+        }
     }
 }

@@ -125,9 +125,12 @@ fn rendition_codes(bytes: &[u8]) -> Vec<String> {
 fn tour(arguments: &[&str], variables: &[(&str, &str)]) -> Vec<u8> {
     let mut terminal = Terminal::start((120, 40), &[&ENDLESS, arguments].concat(), variables);
     terminal.wait_for("running");
-    for key in ["v", "?", "?", "\x1b[C", "f", "f", "r", "q", "n", " "] {
+    for key in [
+        "v", "?", "x", "\x1b[C", "r", "2", "3", "4", "5", "6", "7", "8", "\t", "\x1b", "\t", "f",
+        "f", "m", "q", "n", " ",
+    ] {
         terminal.press(key);
-        terminal.read_for(Duration::from_millis(150));
+        terminal.read_for(Duration::from_millis(120));
     }
     std::mem::take(&mut terminal.bytes)
 }

@@ -32,6 +32,9 @@ static HOLDER: Mutex<Option<ThreadId>> = Mutex::new(None);
 static OVERHEARD: Mutex<Vec<String>> = Mutex::new(Vec::new());
 /// Whether our panic hook is in place.
 static HOOKED: AtomicBool = AtomicBool::new(false);
+/// Buttons and drags, but not every move, which would flood a slow line; in the form without limits. Source: xterm's ctlseqs.
+const MOUSE_ON: &[u8] = b"\x1b[?1002h\x1b[?1006h";
+const MOUSE_OFF: &[u8] = b"\x1b[?1002l\x1b[?1006l";
 /// Longest wait for a stalled terminal to take the last bytes.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
@@ -44,6 +47,7 @@ pub struct Screen {
     alive: bool,
     palette: Palette,
     receipts: Receipts,
+    mouse: bool,
 }
 
 impl Screen {
@@ -51,7 +55,7 @@ impl Screen {
     ///
     /// # Errors
     /// When standard output is no terminal or refuses.
-    pub fn take(palette: Palette) -> Result<Self> {
+    pub fn take(palette: Palette, mouse: bool) -> Result<Self> {
         hook_panics();
         let output = own_description(rustix::stdio::stdout()).map_err(Error::Terminal)?;
         // Where standard input is no terminal, keys come from the one that is drawn on.
@@ -68,9 +72,13 @@ impl Screen {
             alive: true,
             palette,
             receipts: Receipts::default(),
+            mouse,
         };
         queue!(screen.pending, terminal::EnterAlternateScreen, cursor::Hide)
             .map_err(Error::Terminal)?;
+        if mouse {
+            screen.pending.extend_from_slice(MOUSE_ON);
+        }
         Ok(screen)
     }
 
@@ -128,6 +136,11 @@ impl Screen {
         self.receipts.round_trip
     }
 
+    /// The frame that the terminal shows, or will when it has taken what is under way.
+    pub fn shown(&self) -> &Buffer {
+        &self.delivered
+    }
+
     /// Makes the next frame a full one.
     pub fn forget(&mut self) {
         self.delivered = Buffer::empty(Rect::ZERO);
@@ -182,6 +195,9 @@ impl Drop for Screen {
         // After a panic the hook has given the terminal back, and its words must not be overwritten.
         let held = locked(&HOLDER).take().is_some();
         if held && self.alive {
+            if self.mouse {
+                self.pending.extend_from_slice(MOUSE_OFF);
+            }
             // Writing to a Vec does not fail.
             let _ = queue!(
                 self.pending,
@@ -237,6 +253,7 @@ fn hook_panics() {
         match holder {
             Some(thread) if thread == thread::current().id() => {
                 *locked(&HOLDER) = None;
+                let _ = io::stdout().write_all(MOUSE_OFF);
                 let restored = execute!(
                     io::stdout(),
                     terminal::EndSynchronizedUpdate,

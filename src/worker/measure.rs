@@ -57,6 +57,10 @@ impl Survey {
                     maxwell: speeds.maxwell,
                     ks: speeds.ks,
                     ks_critical: speeds.ks_critical,
+                    component_bin_width: 2.0 * speeds.bin_width * velocity,
+                    components: speeds.components,
+                    normal: speeds.normal,
+                    component_ks: speeds.component_ks,
                 })
             }),
         }

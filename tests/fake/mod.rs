@@ -150,6 +150,12 @@ fn speeds(si: bool, random: &mut Random) -> Speeds {
             704_969.0 * 4.0 / std::f64::consts::PI.sqrt() * v * v * (-v * v).exp() / 32.0
         })
         .collect();
+    let normal: Vec<f64> = (0..64)
+        .map(|bin| {
+            let v = (f64::from(bin) - 31.5) / 8.0;
+            704_969.0 * (-v * v / 2.0).exp() / (8.0 * (2.0 * std::f64::consts::PI).sqrt())
+        })
+        .collect();
     Speeds {
         bin_width,
         counts: maxwell
@@ -159,6 +165,15 @@ fn speeds(si: bool, random: &mut Random) -> Speeds {
         maxwell,
         ks: 0.001_65,
         ks_critical: 0.002_32,
+        component_bin_width: most_probable / 2.0_f64.sqrt() / 8.0,
+        components: [0, 1, 2].map(|_| {
+            let counts = normal.iter();
+            counts
+                .map(|expected| (expected + expected.sqrt() * random.normal()).max(0.0) as u64)
+                .collect()
+        }),
+        component_ks: [0.000_9, 0.001_2, 0.000_7],
+        normal,
     }
 }
 

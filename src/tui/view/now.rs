@@ -10,10 +10,11 @@ use crate::tui::app::App;
 use crate::tui::format::{
     MISSING, count, percent_off, plain, quantity, scientific, si, sigmas, with_error,
 };
+use crate::tui::span::Span;
 use crate::tui::theme;
 
 /// A quantity with its history.
-pub(super) struct Entry {
+pub(super) struct Entry<'a> {
     /// Its name.
     pub label: &'static str,
     /// Its value now.
@@ -23,24 +24,26 @@ pub(super) struct Entry {
     /// A second remark beside the theory.
     pub remark: String,
     /// Its history.
-    pub series: Series,
+    pub series: Series<'a>,
     /// Writes a value of the axis.
-    axis: Box<dyn Fn(f64) -> String>,
+    pub axis: Box<dyn Fn(f64) -> String>,
 }
 
 /// Rows of a chart from which on it deserves axes.
 const CHART: u16 = 3;
 
 /// Draws the panel.
-pub(super) fn panel(_app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
-    let inner = framed(buffer, area, title("now", ""));
-    let entries = entries(snapshot);
+pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+    let inner = framed(buffer, area, title("2 now", &span_words(app, snapshot)));
+    let entries = entries(app, snapshot);
+    let marks = marks(app);
     let words: u16 = entries
         .iter()
         .map(|entry| 1 + u16::from(!entry.theory.is_empty()))
         .sum();
     let charts = inner.height.saturating_sub(words);
-    let share = (charts.saturating_sub(1) / entries.len() as u16).min(10);
+    let most = if app.enlarged.is_some() { 24 } else { 10 };
+    let share = (charts.saturating_sub(1) / entries.len() as u16).min(most);
     let with_axes = share >= CHART;
     let mut row = 0;
     for entry in &entries {
@@ -74,13 +77,13 @@ pub(super) fn panel(_app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Bu
         }
         .intersection(inner);
         if with_axes {
-            chart::chart(&entry.series, &*entry.axis, plot, buffer);
+            chart::chart(&entry.series, &marks, &*entry.axis, plot, buffer);
         } else {
             chart::sparkline(&entry.series, plot, buffer);
         }
         row += height;
     }
-    let ends = chart::time_ends(&entries[0].series.points, inner.width);
+    let ends = chart::time_ends(&entries[0].series, inner.width);
     if let (true, Some((first, last))) = (with_axes, ends) {
         let units = snapshot.scene.units;
         let axis = Rect {
@@ -94,14 +97,40 @@ pub(super) fn panel(_app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Bu
     }
 }
 
+/// Beginning and end of what the charts show.
+pub(super) fn span(app: &App, snapshot: &Snapshot) -> Option<(f64, f64)> {
+    snapshot.history.bounds().map(|bounds| app.span.of(bounds))
+}
+
+/// Which part of the history is shown, if not all of it.
+pub(super) fn span_words(app: &App, snapshot: &Snapshot) -> String {
+    let Some((from, to)) = span(app, snapshot).filter(|_| app.span != Span::default()) else {
+        return String::new();
+    };
+    let time = |time: f64| quantity(Some(time), "s", snapshot.scene.units, 3);
+    if app.span.end.is_some() {
+        format!("past: {} to {}", time(from), time(to))
+    } else {
+        format!("the last {}", time(to - from))
+    }
+}
+
+/// Times of the user's marks.
+pub(super) fn marks(app: &App) -> Vec<f64> {
+    app.marks.iter().map(|mark| mark.time).collect()
+}
+
 /// Temperature, pressure, collision rate and queue length.
-pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
+pub(super) fn entries<'a>(app: &App, snapshot: &'a Snapshot) -> [Entry<'a>; 4] {
+    let span = span(app, snapshot);
     let units = snapshot.scene.units;
     let pressure = snapshot.pressure;
     let measured = pressure.wall.or(pressure.virial); // a periodic box has no walls
     let expected = snapshot.expected;
     let history = |observable: Observable, expected: Option<f64>| Series {
-        points: snapshot.history.means(observable),
+        history: &snapshot.history,
+        observable,
+        span,
         expected,
     };
     let pressure_route = if pressure.wall.is_some() {

@@ -36,6 +36,12 @@ pub struct Cli {
     /// Scene and outputs of a run that is watched.
     #[command(flatten)]
     pub watch: RunOptions,
+    /// Keep run and dashboard in one process: the run ends with its dashboard
+    #[arg(long, env = "MOLTOP_IN_PROCESS", value_parser = FalseyValueParser::new())]
+    pub in_process: bool,
+    /// Be the run, for the process that started this one.
+    #[arg(long, hide = true)]
+    pub run_process: bool,
     /// How the run is shown.
     #[command(flatten)]
     pub screen: tui::Options,
@@ -56,6 +62,20 @@ pub enum Command {
         /// Accept a run whose estimated cost is above an hour, or that has no end
         #[arg(long, env = "MOLTOP_YES", value_parser = FalseyValueParser::new())]
         yes: bool,
+    },
+    /// Watch a run that is going on
+    #[command(
+        after_help = "Any number of dashboards can watch a run. `d` leaves and lets the run go on, `q` asks whether to stop it."
+    )]
+    Attach {
+        /// Name of the run, or the beginning of it [default: the newest one that is going on]
+        run: Option<String>,
+        /// Look only: no key reaches the run
+        #[arg(long, env = "MOLTOP_READ_ONLY", value_parser = FalseyValueParser::new())]
+        read_only: bool,
+        /// How the run is shown.
+        #[command(flatten)]
+        screen: tui::Options,
     },
     /// Check a scene, say what it is and what it will cost, and run nothing
     Check {

@@ -17,6 +17,7 @@ pub mod pace;
 pub mod picture;
 pub mod receipt;
 pub mod span;
+pub mod suspension;
 pub mod terminal;
 pub mod theme;
 pub mod trails;
@@ -26,15 +27,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use ratatui::buffer::Buffer;
-use ratatui::crossterm::event::Event;
+use ratatui::crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
 use ratatui::layout::{Position, Rect};
 
 use crate::error::Result;
-use crate::feed::{Command, Feed};
+use crate::feed::{Access, Command, Feed};
 use app::{App, Request};
 use link::Meter;
 pub use options::Options;
 use pace::{Due, News, Pace};
+use suspension::Suspension;
 use terminal::Screen;
 use theme::Theme;
 
@@ -43,6 +45,10 @@ use theme::Theme;
 pub enum Leave {
     /// The user wants to leave: the run is to be stopped if it still goes on.
     Quit,
+    /// The user wants to leave; the run goes on.
+    Detach,
+    /// Somebody else has stopped the run.
+    Stopped,
     /// `stop` was raised.
     Signal,
     /// The terminal is gone; nothing more may be printed to it.
@@ -51,6 +57,8 @@ pub enum Leave {
 
 /// Longest wait, so that a signal or a new window size is noticed.
 const TICK: Duration = Duration::from_millis(50);
+/// Ctrl-Z, which raw mode takes from the shell.
+const SUSPEND: Event = Event::Key(KeyEvent::new(KeyCode::Char('z'), KeyModifiers::CONTROL));
 /// Between two looks for the run's answer to a key.
 const ANSWER: Duration = Duration::from_millis(5);
 /// Longest wait for that answer.
@@ -62,10 +70,10 @@ const PATIENCE: Duration = Duration::from_millis(100);
 ///
 /// # Errors
 /// When standard output is no terminal, or the terminal refuses.
-pub fn run(feed: &dyn Feed, stop: &AtomicBool, options: &Options) -> Result<Leave> {
+pub fn run(feed: &dyn Feed, access: Access, stop: &AtomicBool, options: &Options) -> Result<Leave> {
     let mut screen = Screen::take(options.palette(), options.mouse())?;
     feed.send(Command::Watch(true));
-    let left = Watcher::new(feed, options).watch(stop, &mut screen);
+    let left = Watcher::new(feed, access, options).watch(stop, &mut screen);
     feed.send(Command::Watch(false));
     left
 }
@@ -86,10 +94,11 @@ struct Watcher<'a> {
 }
 
 impl<'a> Watcher<'a> {
-    fn new(feed: &'a dyn Feed, options: &Options) -> Self {
+    fn new(feed: &'a dyn Feed, access: Access, options: &Options) -> Self {
         let now = Instant::now();
         let mut app = App::new(feed.latest(), options.is_ascii());
         app.keymap = options.config.keymap.clone();
+        app.access = access;
         Self {
             feed,
             app,
@@ -109,6 +118,13 @@ impl<'a> Watcher<'a> {
                 // The signal may be the one that says that the terminal is gone.
                 let gone = screen.wait(Duration::ZERO).is_none();
                 return Ok(if gone { Leave::HangUp } else { Leave::Signal });
+            }
+            if self.feed.was_stopped() {
+                return Ok(Leave::Stopped);
+            }
+            if screen.was_suspended()? {
+                self.news.response = true;
+                self.pace.hurry();
             }
             self.look(screen.size());
             self.draw(screen)?;
@@ -187,6 +203,10 @@ impl<'a> Watcher<'a> {
 
     fn obey(&mut self, event: &Event) -> Option<Leave> {
         let leave = match event {
+            event if *event == SUSPEND => {
+                Suspension::ask();
+                None
+            }
             Event::Key(key) => {
                 let feed = self.feed;
                 self.app.press(*key, &mut |command| feed.send(command))

@@ -12,7 +12,7 @@ const SMALL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/seed-512.toml"
 #[track_caller]
 fn check_budget(size: (u16, u16), first: usize, per_second: f64) {
     const SECONDS: u64 = 5;
-    let mut terminal = Terminal::start(size, &[], &[]);
+    let mut terminal = Terminal::start(size, &["--in-process"], &[]);
     terminal.wait_for("running");
     let painted = terminal.bytes.len();
     assert!(painted <= first, "{painted} bytes of first paint");
@@ -35,7 +35,7 @@ fn a_large_window_takes_eight_kilobytes_per_second() {
     check_budget((200, 50), 20_000, 8_000.0);
 }
 
-const ENDLESS: [&str; 3] = [SMALL, "--until", "1e6"];
+const ENDLESS: [&str; 4] = [SMALL, "--in-process", "--until", "1e6"];
 
 #[test]
 fn a_named_budget_is_kept_and_a_paused_run_sends_nothing() {

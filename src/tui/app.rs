@@ -8,7 +8,7 @@ use ratatui::crossterm::event::{
     KeyCode, KeyEvent, KeyEventKind, KeyModifiers, MouseEvent, MouseEventKind,
 };
 
-use crate::feed::Command;
+use crate::feed::{Access, Command};
 use crate::snapshot::{Phase, Snapshot};
 use crate::tui::Leave;
 use crate::tui::camera::Camera;
@@ -112,6 +112,10 @@ struct Wish<T> {
 const PATIENCE: u64 = 3;
 
 /// The dashboard's state.
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "each is a switch of the user's, and any may be on with any other"
+)]
 pub struct App {
     /// The newest snapshot: what the run's state is known from.
     pub latest: Arc<Snapshot>,
@@ -131,6 +135,8 @@ pub struct App {
     pub overlay: Option<Overlay>,
     /// Paths of the tagged molecules up to the picture on the screen.
     pub trails: Trails,
+    /// What leaving means, and whether keys reach the run.
+    pub access: Access,
     /// Paths up to the newest snapshot.
     newest_trails: Trails,
     /// Whether the screen may use 7-bit characters only.
@@ -173,6 +179,7 @@ impl App {
             mode: Mode::Slab,
             overlay: None,
             trails: Trails::default(),
+            access: Access::default(),
             newest_trails: Trails::default(),
             ascii,
             turning: false,
@@ -245,7 +252,10 @@ impl App {
         self.message = None;
         let control = key.modifiers.contains(KeyModifiers::CONTROL);
         if control && matches!(key.code, KeyCode::Char('c' | 'C')) {
-            return Some(Leave::Quit);
+            return Some(match self.access {
+                Access::Owner => Leave::Quit,
+                Access::Watcher | Access::ReadOnly => Leave::Detach,
+            });
         }
         let action = self.keymap.action(&key);
         match &mut self.overlay {
@@ -266,8 +276,11 @@ impl App {
     }
 
     fn answer(&mut self, code: KeyCode) -> Option<Leave> {
+        let owner = self.access == Access::Owner;
         match code {
-            KeyCode::Char('y' | 'Y') | KeyCode::Enter => return Some(Leave::Quit),
+            KeyCode::Char('y' | 'Y') => return Some(Leave::Quit),
+            KeyCode::Enter if owner => return Some(Leave::Quit),
+            KeyCode::Char('d' | 'D') | KeyCode::Enter if !owner => return Some(Leave::Detach),
             KeyCode::Char('n' | 'N') | KeyCode::Esc => self.overlay = None,
             _ => {}
         }
@@ -316,8 +329,8 @@ impl App {
             }
             Action::Freeze => self.freeze(),
             Action::Help => self.overlay = Some(Overlay::Help(Help::default())),
-            Action::Quit if self.going_on() => self.overlay = Some(Overlay::QuitQuestion),
-            Action::Quit => return Some(Leave::Quit),
+            Action::Quit | Action::Detach if !self.going_on() => return Some(Leave::Quit),
+            Action::Quit | Action::Detach => return self.leave(action),
         }
         None
     }
@@ -335,7 +348,7 @@ impl App {
         };
         let place = place.and_then(|panel| Panel::ALL.iter().position(|other| *other == panel));
         let next = match place {
-            Some(place) => place.saturating_add_signed(step + count as isize) % count,
+            Some(place) => place.saturating_add_signed(step + count.cast_signed()) % count,
             None if step > 0 => 0,
             None => count - 1,
         };
@@ -400,6 +413,17 @@ impl App {
             (MouseEventKind::ScrollUp, _) => self.span.halve(true),
             (MouseEventKind::ScrollDown, _) => self.span.halve(false),
             _ => {}
+        }
+    }
+
+    /// Leaves a run that goes on, or asks before.
+    fn leave(&mut self, action: Action) -> Option<Leave> {
+        match (self.access, action) {
+            (Access::ReadOnly, _) | (Access::Watcher, Action::Detach) => Some(Leave::Detach),
+            _ => {
+                self.overlay = Some(Overlay::QuitQuestion);
+                None
+            }
         }
     }
 

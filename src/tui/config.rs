@@ -86,7 +86,7 @@ fn quoted(text: &str) -> String {
 fn choices<T: ValueEnum>() -> String {
     let names: Vec<String> = T::value_variants()
         .iter()
-        .filter_map(|choice| choice.to_possible_value())
+        .filter_map(ValueEnum::to_possible_value)
         .map(|choice| choice.get_name().to_owned())
         .collect();
     names.join(", ")

@@ -73,7 +73,9 @@ pub enum Action {
     Redraw,
     /// Show the help.
     Help,
-    /// Stop the run and leave.
+    /// Leave; the run goes on.
+    Detach,
+    /// Leave, and ask what is to become of the run.
     Quit,
 }
 
@@ -312,9 +314,15 @@ pub const KEYS: &[Binding] = &[
         rank: 1,
     },
     Binding {
+        entries: &[entry(Action::Detach, "detach", &[key('d')])],
+        short: "detach",
+        help: "leave, and let the run go on (also Ctrl-C)",
+        rank: 11,
+    },
+    Binding {
         entries: &[entry(Action::Quit, "quit", &[key('q')])],
         short: "quit",
-        help: "stop the run and leave (Ctrl-C: without asking)",
+        help: "stop the run, or leave it running",
         rank: 0,
     },
 ];

@@ -22,7 +22,7 @@ impl Span {
     }
 
     fn length(&self, (begin, now): (f64, f64)) -> f64 {
-        (now - begin) / 2_f64.powi(self.halvings as i32)
+        (now - begin) / 2_f64.powi(self.halvings.cast_signed())
     }
 
     /// Shows half or twice as much.

@@ -12,7 +12,7 @@ use crate::tui::format::{MISSING, count, percent_off, plain, quantity, si};
 use crate::tui::theme;
 
 /// Columns of names, counts and rates.
-const NAMES: u16 = 24;
+const NAMES: u16 = 28;
 const COUNTS: u16 = 12;
 const RATES: u16 = 14;
 
@@ -23,71 +23,7 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
         area,
         title("6 events", "since the start of the run"),
     );
-    let counts = &snapshot.counts;
-    let kinds = [
-        ("ball meets ball", counts.pair_collisions),
-        ("ball meets wall", counts.wall_collisions),
-        ("ball meets plane", counts.plane_collisions),
-        ("ball enters a cell", counts.cell_crossings),
-        ("outdated when due", counts.stale_events),
-        ("at the same instant", counts.ties),
-        ("twice at one instant", counts.zero_time_events),
-        ("late", counts.late_events),
-        ("remembered for the way back", counts.remembered_events),
-        ("steps", counts.steps),
-        ("missed in a step", counts.missed_collisions),
-        ("bounced twice in a step", counts.double_bounces),
-    ];
-    let all: u64 = kinds[..5].iter().map(|(_, number)| number).sum();
-    let per_pair = |number: u64| {
-        let share = number as f64 / counts.pair_collisions as f64;
-        let known = counts.pair_collisions > 0;
-        if known {
-            plain(share, 3)
-        } else {
-            MISSING.into()
-        }
-    };
-    put_before(buffer, inner, (NAMES + COUNTS, 0), "number", theme::QUIET);
-    put_before(
-        buffer,
-        inner,
-        (NAMES + COUNTS + RATES, 0),
-        "per collision",
-        theme::QUIET,
-    );
-    let mut row = 1;
-    for (index, (name, number)) in kinds.into_iter().enumerate() {
-        if number == 0 && index >= 3 {
-            continue;
-        }
-        put(buffer, inner, (0, row), name, theme::QUIET);
-        put_before(
-            buffer,
-            inner,
-            (NAMES + COUNTS, row),
-            &count(number),
-            theme::STRONG,
-        );
-        put_before(
-            buffer,
-            inner,
-            (NAMES + COUNTS + RATES, row),
-            &per_pair(number),
-            theme::VALUE,
-        );
-        if index < 5 && all > 0 {
-            let bar = Rect {
-                x: inner.x + NAMES + COUNTS + RATES + 2,
-                y: inner.y + row,
-                width: inner.width.saturating_sub(NAMES + COUNTS + RATES + 2),
-                height: 1,
-            }
-            .intersection(inner);
-            share_bar(number as f64 / all as f64, bar, buffer);
-        }
-        row += 1;
-    }
+    let mut row = mix(snapshot, inner, buffer);
     row += 1;
     for (label, value) in figures(snapshot) {
         put(buffer, inner, (0, row), label, theme::QUIET);
@@ -127,6 +63,58 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
             buffer,
         );
     }
+}
+
+/// How often each kind of event came; gives back the row below.
+fn mix(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) -> u16 {
+    let counts = &snapshot.counts;
+    let kinds = [
+        ("ball meets ball", counts.pair_collisions),
+        ("ball meets wall", counts.wall_collisions),
+        ("ball meets plane", counts.plane_collisions),
+        ("ball enters a cell", counts.cell_crossings),
+        ("outdated when due", counts.stale_events),
+        ("at the same instant", counts.ties),
+        ("twice at one instant", counts.zero_time_events),
+        ("late", counts.late_events),
+        ("remembered for the way back", counts.remembered_events),
+        ("steps", counts.steps),
+        ("missed in a step", counts.missed_collisions),
+        ("bounced twice in a step", counts.double_bounces),
+    ];
+    let all: u64 = kinds[..5].iter().map(|(_, number)| number).sum();
+    let per_pair = |number: u64| {
+        let share = number as f64 / counts.pair_collisions as f64;
+        let known = counts.pair_collisions > 0;
+        if known {
+            plain(share, 3)
+        } else {
+            MISSING.into()
+        }
+    };
+    let (numbers, rates) = (NAMES + COUNTS, NAMES + COUNTS + RATES);
+    put_before(buffer, area, (numbers, 0), "number", theme::QUIET);
+    put_before(buffer, area, (rates, 0), "per collision", theme::QUIET);
+    let mut row = 1;
+    for (index, (name, number)) in kinds.into_iter().enumerate() {
+        if number == 0 && index >= 3 {
+            continue;
+        }
+        put(buffer, area, (0, row), name, theme::QUIET);
+        put_before(buffer, area, (numbers, row), &count(number), theme::STRONG);
+        put_before(buffer, area, (rates, row), &per_pair(number), theme::VALUE);
+        if index < 5 && all > 0 {
+            let bar = Rect {
+                x: area.x + rates + 2,
+                y: area.y + row,
+                width: area.width.saturating_sub(rates + 2),
+                height: 1,
+            };
+            share_bar(number as f64 / all as f64, bar.intersection(area), buffer);
+        }
+        row += 1;
+    }
+    row
 }
 
 /// Rates beside theory, and the queue.

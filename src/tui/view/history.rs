@@ -6,7 +6,8 @@ use ratatui::layout::Rect;
 use super::chart::{self, Series};
 use super::now;
 use super::text::{framed_with_foot, put, put_before, title, width};
-use crate::snapshot::{Observable, Snapshot, Units};
+use crate::snapshot::Observable as O;
+use crate::snapshot::{Snapshot, Units};
 use crate::tui::app::App;
 use crate::tui::format::{bytes, percent_off, plain, quantity, relative, scientific, si};
 use crate::tui::theme;
@@ -18,7 +19,7 @@ const TWO_COLUMNS: u16 = 110;
 
 /// An observable as the panel shows it.
 struct Chart {
-    observable: Observable,
+    observable: O,
     label: &'static str,
     expected: Option<f64>,
     write: Box<dyn Fn(f64) -> String>,
@@ -143,7 +144,6 @@ fn charts(snapshot: &Snapshot) -> Vec<Chart> {
         expected,
         write,
     };
-    use Observable as O;
     let all = vec![
         chart(O::Temperature, "temperature", None, with("K")),
         chart(

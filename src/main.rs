@@ -11,7 +11,7 @@ use moltop::check::Report;
 use moltop::cli::{Cli, Command, Experiment, Generate, RunOptions};
 use moltop::convert::convert;
 use moltop::error::{Error, Result};
-use moltop::experiment::extremes;
+use moltop::experiment::{extremes, gas, growth, queue, reversal};
 use moltop::feed::socket::SocketFeed;
 use moltop::feed::{self, Access, Feed};
 use moltop::generate::{self, Balls, Extent, GASES};
@@ -39,7 +39,7 @@ fn main() -> ExitCode {
         }) => attach(run.as_deref(), read_only, screen),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
-        Some(Command::Experiment(Experiment::Extremes(options))) => extremes::run(&options),
+        Some(Command::Experiment(what)) => experiment(&what),
         Some(Command::Generate { what }) => generate(&what),
         Some(Command::Convert {
             input,
@@ -151,6 +151,16 @@ fn watch_here(options: &RunOptions, screen: tui::Options, program_start: Instant
     };
     let code = tell(&run.finish(exit)); // whatever became of the screen, the results are written
     left.map(|_| code)
+}
+
+fn experiment(what: &Experiment) -> Result<u8> {
+    match what {
+        Experiment::Extremes(options) => extremes::run(options),
+        Experiment::Growth(options) => growth::run(options),
+        Experiment::Reversal(options) => reversal::run(options),
+        Experiment::Queue(options) => queue::run(options),
+        Experiment::Gas(options) => gas::run(options),
+    }
 }
 
 fn needs_terminal() -> Result<()> {

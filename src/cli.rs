@@ -121,6 +121,16 @@ pub enum Command {
         /// Which shell
         shell: Shell,
     },
+    /// Print a template of the dashboard's settings: looks, rates and keys
+    #[command(after_help = "Example: moltop config > ~/.config/moltop/config.toml")]
+    Config {
+        /// Look for faults in the settings instead
+        #[arg(long)]
+        check: bool,
+        /// File to look at [default: the user's]
+        #[arg(requires = "check")]
+        file: Option<PathBuf>,
+    },
     /// Print the manual page
     #[command(after_help = "Example: moltop man | man -l -")]
     Man,
@@ -260,6 +270,9 @@ pub struct RunOptions {
     /// Write all balls at the end as CSV
     #[arg(long, value_name = "FILE", env = "MOLTOP_STATE")]
     pub state: Option<PathBuf>,
+    /// Write every observable over the whole run as CSV: finer for the recent past, with mean, lowest and highest value
+    #[arg(long, value_name = "FILE", env = "MOLTOP_HISTORY")]
+    pub history: Option<PathBuf>,
     /// Directory of the run, new or empty [default: one named after the scene, in ~/.local/state/moltop]
     #[arg(long, value_name = "DIR", env = "MOLTOP_RUN_DIR")]
     pub run_dir: Option<PathBuf>,

@@ -14,6 +14,7 @@ use std::thread::JoinHandle;
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
+use crate::history::{History, Observable};
 use crate::snapshot::SeriesRow;
 use crate::state::Placement;
 
@@ -226,6 +227,40 @@ pub fn write_state(
             body.mass,
             collisions,
         ))?;
+    }
+    table.flush()
+}
+
+/// Writes the whole history, a row for each stretch as fine as it is still known; of each observable its mean, lowest and
+/// highest value, empty where it did not exist.
+///
+/// # Errors
+/// What the writer answers.
+pub fn write_history(writer: &mut dyn Write, history: &History) -> io::Result<()> {
+    let mut table = table(writer);
+    let names = Observable::ALL.map(Observable::name);
+    let header = ["begin", "end", "wall_time_s"].map(str::to_owned);
+    let columns = names.iter().flat_map(|name| {
+        [
+            (*name).to_owned(),
+            format!("{name}_low"),
+            format!("{name}_high"),
+        ]
+    });
+    table.write_record(header.into_iter().chain(columns))?;
+    for stretch in history.whole() {
+        let values: Vec<_> = Observable::ALL
+            .iter()
+            .flat_map(|&observable| {
+                let range = stretch.get(observable);
+                [
+                    range.map(|range| range.mean),
+                    range.map(|range| range.low),
+                    range.map(|range| range.high),
+                ]
+            })
+            .collect();
+        table.serialize((stretch.begin, stretch.end, stretch.wall_time_s, values))?;
     }
     table.flush()
 }

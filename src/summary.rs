@@ -218,6 +218,7 @@ impl<'s> SpeedSummary<'s> {
             maxwell,
             ks,
             ks_critical,
+            ..
         } = speeds;
         Self {
             histogram: Histogram {
@@ -403,6 +404,7 @@ mod tests {
             maxwell: vec![0.5, 2.5],
             ks: 0.1,
             ks_critical: 0.2,
+            ..Speeds::default()
         };
         let snapshot = Snapshot {
             speeds: Some(Arc::new(speeds)),

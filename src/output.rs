@@ -14,7 +14,7 @@ use std::thread::JoinHandle;
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
-use crate::snapshot::SeriesRow;
+use crate::snapshot::{Observable, SeriesRow};
 use crate::state::Placement;
 
 /// Header of a series file.
@@ -197,6 +197,23 @@ fn table<W: Write>(writer: W) -> csv::Writer<W> {
     csv::WriterBuilder::new()
         .has_headers(false)
         .from_writer(writer)
+}
+
+/// Writes an observable's table; what does not exist is an empty cell.
+///
+/// # Errors
+/// What the writer answers.
+pub fn write_observable(writer: &mut dyn Write, observable: &Observable) -> io::Result<()> {
+    let mut table = table(writer);
+    let columns = &observable.columns;
+    table.write_record(columns.iter().map(|column| &column.name))?;
+    for row in 0..columns.first().map_or(0, |column| column.values.len()) {
+        let cells = columns
+            .iter()
+            .map(|column| column.values.get(row).copied().flatten());
+        table.serialize(cells.collect::<Vec<_>>())?;
+    }
+    table.flush()
 }
 
 /// Writes all balls at one instant; `collisions` has one entry per ball.

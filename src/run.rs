@@ -9,7 +9,7 @@ use crate::check::Report;
 use crate::cli::RunOptions;
 use crate::error::{Error, Result};
 use crate::feed::{Command, Feed};
-use crate::output::{SeriesWriter, Target, write_state};
+use crate::output::{SeriesWriter, Target, write_observable, write_state};
 use crate::run_directory::{self, RunDirectory};
 use crate::scene::Scene;
 use crate::state::Placement;
@@ -205,6 +205,10 @@ impl Run {
             });
         }
         if let Some(directory) = &self.directory {
+            for observable in outcome.snapshot.observables.iter() {
+                let target = directory.target(&format!("{}.csv", observable.name));
+                written.push(target.write(|writer| write_observable(writer, observable)));
+            }
             tracing::info!("ended: {}", exit.words());
             let target = directory.target(run_directory::EXIT);
             let exit =

@@ -4,12 +4,14 @@
 //! not exist yet is `None`, never zero or NaN.
 
 mod accuracy;
+mod observables;
 
 use std::sync::Arc;
 
 use serde::Serialize;
 
 pub use accuracy::Check;
+pub use observables::{Column, Figure, Observable, by_name};
 
 /// The unit system of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -277,6 +279,8 @@ pub struct Snapshot {
     pub state_hash: Option<u64>,
     /// The balls that the scene names.
     pub named: Vec<NamedBall>,
+    /// What the scene asks to be observed, refreshed with the speeds.
+    pub observables: Arc<Vec<Observable>>,
     /// The run's history, oldest first, bounded.
     pub history: Arc<Vec<HistoryPoint>>,
     /// Balls for the picture; `None` while nobody watches.
@@ -322,6 +326,7 @@ impl Snapshot {
             peak_rss_bytes: None,
             state_hash: None,
             named: Vec::new(),
+            observables: Arc::default(),
             history: Arc::default(),
             sample: None,
         }

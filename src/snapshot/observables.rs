@@ -1,0 +1,68 @@
+//! What an observable found, in one form for all: some figures, each with its error and what theory expects, and a table.
+
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+
+/// One observable of a run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Observable {
+    /// Its name, as a scene's `[observe]` has it.
+    pub name: String,
+    /// Its figures.
+    pub figures: Vec<Figure>,
+    /// Its table, column by column, all of one length; the first is what the others are plotted against.
+    pub columns: Vec<Column>,
+}
+
+/// A quantity with its error.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Figure {
+    /// What it is.
+    #[serde(skip)]
+    pub name: String,
+    /// Its value.
+    pub value: Option<f64>,
+    /// Standard error from blocks of the run.
+    pub standard_error: Option<f64>,
+    /// What theory expects.
+    pub expected: Option<f64>,
+    /// Unit for people, empty for numbers and in reduced units.
+    pub unit: String,
+}
+
+/// A column of a table.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Column {
+    /// What it holds.
+    pub name: String,
+    /// Its values.
+    pub values: Vec<Option<f64>>,
+}
+
+impl Serialize for Observable {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        for figure in &self.figures {
+            map.serialize_entry(&figure.name, figure)?;
+        }
+        for column in &self.columns {
+            map.serialize_entry(&column.name, &column.values)?;
+        }
+        map.end()
+    }
+}
+
+/// Serializes observables as one object, by name.
+///
+/// # Errors
+/// What the serializer answers.
+pub fn by_name<S: Serializer>(
+    observables: &[Observable],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(
+        observables
+            .iter()
+            .map(|observable| (&observable.name, observable)),
+    )
+}

@@ -8,6 +8,7 @@ use clap_complete::Shell;
 
 use crate::experiment::extremes;
 use crate::generate::{Draw, Format, GASES};
+use crate::scene::observe::Name;
 use crate::tui;
 use crate::worker::engines::{CalendarName, EngineName};
 
@@ -36,6 +37,12 @@ pub struct Cli {
     /// Scene and outputs of a run that is watched.
     #[command(flatten)]
     pub watch: RunOptions,
+    /// Keep run and dashboard in one process: the run ends with its dashboard
+    #[arg(long, env = "MOLTOP_IN_PROCESS", value_parser = FalseyValueParser::new())]
+    pub in_process: bool,
+    /// Be the run, for the process that started this one.
+    #[arg(long, hide = true)]
+    pub run_process: bool,
     /// How the run is shown.
     #[command(flatten)]
     pub screen: tui::Options,
@@ -56,6 +63,20 @@ pub enum Command {
         /// Accept a run whose estimated cost is above an hour, or that has no end
         #[arg(long, env = "MOLTOP_YES", value_parser = FalseyValueParser::new())]
         yes: bool,
+    },
+    /// Watch a run that is going on
+    #[command(
+        after_help = "Any number of dashboards can watch a run. `d` leaves and lets the run go on, `q` asks whether to stop it."
+    )]
+    Attach {
+        /// Name of the run, or the beginning of it [default: the newest one that is going on]
+        run: Option<String>,
+        /// Look only: no key reaches the run
+        #[arg(long, env = "MOLTOP_READ_ONLY", value_parser = FalseyValueParser::new())]
+        read_only: bool,
+        /// How the run is shown.
+        #[command(flatten)]
+        screen: tui::Options,
     },
     /// Check a scene, say what it is and what it will cost, and run nothing
     Check {
@@ -211,6 +232,14 @@ pub struct RunOptions {
     /// Seed of the random placement, instead of the scene's
     #[arg(long, value_name = "N", env = "MOLTOP_SEED")]
     pub seed: Option<u64>,
+    /// Observe these, beside what the scene asks for
+    #[arg(
+        long,
+        value_name = "NAME,...",
+        env = "MOLTOP_OBSERVE",
+        value_delimiter = ','
+    )]
+    pub observe: Vec<Name>,
     /// Write the summary of the run as JSON
     #[arg(long, value_name = "FILE", env = "MOLTOP_SUMMARY")]
     pub summary: Option<PathBuf>,

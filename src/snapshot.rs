@@ -6,20 +6,22 @@
 mod accuracy;
 mod observables;
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 pub use accuracy::Check;
 pub use observables::{Column, Figure, Observable, by_name};
 
 /// The unit system of a scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Units {
     /// Metre, second, kilogram, kelvin; k = 1.380649e-23 J/K.
     Si,
     /// The scene's own length, time and mass; k = 1.
+    #[default]
     Reduced,
 }
 
@@ -34,18 +36,19 @@ impl Units {
 }
 
 /// What happens at the faces of the box.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Boundary {
     /// Six hard walls.
     Container,
     /// What leaves through a face comes in through the opposite one.
     Periodic,
     /// Nothing: the box only says where the balls begin.
+    #[default]
     Open,
 }
 
 /// What does not change during a run.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneCard {
     /// The scene's title.
     pub title: String,
@@ -70,7 +73,7 @@ pub struct SceneCard {
 }
 
 /// What the run is doing.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Phase {
     /// Placing balls and predicting the first events.
     Starting,
@@ -85,7 +88,7 @@ pub enum Phase {
 }
 
 /// Collisions and engine events since the start of the run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counts {
     /// Ball-ball collisions.
     pub pair_collisions: u64,
@@ -118,7 +121,7 @@ pub struct Counts {
 }
 
 /// Pressure by two routes, averaged over the settled part of the run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pressure {
     /// Momentum given to the walls per time and physical wall area.
     pub wall: Option<f64>,
@@ -129,7 +132,7 @@ pub struct Pressure {
 }
 
 /// What kinetic theory expects of this scene at its measured temperature.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Expected {
     /// Force per physical wall area.
     pub pressure: Option<f64>,
@@ -140,7 +143,7 @@ pub struct Expected {
 }
 
 /// Speed histogram against Maxwell's distribution at the measured temperature.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Speeds {
     /// Width of a bin \[speed\]; bin `i` holds speeds in `[i, i + 1) * bin_width`, the last one also everything faster.
     pub bin_width: f64,
@@ -155,7 +158,7 @@ pub struct Speeds {
 }
 
 /// One point of the run's history.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HistoryPoint {
     /// Simulated time at the end of the interval this point covers.
     pub time: f64,
@@ -170,7 +173,7 @@ pub struct HistoryPoint {
 }
 
 /// How far a reversed run has found its way back.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Echo {
     /// Simulated time at which time was reversed.
     pub turned_at: f64,
@@ -181,7 +184,7 @@ pub struct Echo {
 }
 
 /// A bounded sample of the balls for the picture.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// Positions relative to the domain's centre \[length\], in an order that any prefix is a fair sample of the whole.
     /// The same index is the same ball in every snapshot.
@@ -193,7 +196,7 @@ pub struct Sample {
 }
 
 /// A ball that the scene names, and how far it has come.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NamedBall {
     /// Its name.
     pub name: String,
@@ -206,14 +209,17 @@ pub struct NamedBall {
 }
 
 /// Everything a screen or a summary may know of a run at one moment.
-#[derive(Clone, Debug, PartialEq)]
+///
+/// The large parts that rarely change are not serialised with it: between processes they travel only when they are new.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     /// Grows by one with each snapshot.
     pub sequence: u64,
     /// What does not change.
+    #[serde(skip)]
     pub scene: Arc<SceneCard>,
     /// Name of the engine, as `--engine` takes it.
-    pub engine: &'static str,
+    pub engine: Cow<'static, str>,
     /// What the run is doing.
     pub phase: Phase,
     /// Whether time runs backwards (an odd number of reversals).
@@ -268,6 +274,7 @@ pub struct Snapshot {
     /// engine is exact.
     pub echo_horizon: Option<f64>,
     /// Speed histogram, refreshed every few seconds.
+    #[serde(skip)]
     pub speeds: Option<Arc<Speeds>>,
     /// Events in the queue now.
     pub queue_length: u64,
@@ -280,10 +287,13 @@ pub struct Snapshot {
     /// The balls that the scene names.
     pub named: Vec<NamedBall>,
     /// What the scene asks to be observed, refreshed with the speeds.
+    #[serde(skip)]
     pub observables: Arc<Vec<Observable>>,
     /// The run's history, oldest first, bounded.
+    #[serde(skip)]
     pub history: Arc<Vec<HistoryPoint>>,
     /// Balls for the picture; `None` while nobody watches.
+    #[serde(skip)]
     pub sample: Option<Arc<Sample>>,
 }
 
@@ -293,7 +303,7 @@ impl Snapshot {
         Self {
             sequence: 0,
             scene,
-            engine,
+            engine: Cow::Borrowed(engine),
             phase: Phase::Starting,
             reversed: false,
             time: 0.0,

@@ -1,5 +1,7 @@
 //! The table `[observe]`: what is measured on demand.
 
+use std::fmt::Write as _;
+
 use clap::ValueEnum;
 
 use super::reader::{Faults, Table};
@@ -35,6 +37,52 @@ pub struct Observe {
     pub chosen: Vec<Name>,
 }
 
+const KEYS: [(&str, Name); 6] = [
+    ("radial_distribution", Name::RadialDistribution),
+    ("density_profile", Name::DensityProfile),
+    ("motion", Name::Motion),
+    ("relaxation", Name::Relaxation),
+    ("flights", Name::Flights),
+    ("transport", Name::Transport),
+];
+
+impl Name {
+    /// The key of `[observe]`, and the name in the summary.
+    pub fn key(self) -> &'static str {
+        KEYS.iter()
+            .find(|(_, name)| *name == self)
+            .map_or("", |(key, _)| key)
+    }
+}
+
+impl Observe {
+    /// Chooses more.
+    pub fn add(&mut self, names: &[Name]) {
+        for name in names {
+            if !self.chosen.contains(name) {
+                self.chosen.push(*name);
+            }
+        }
+    }
+
+    /// Writes the table, if it says anything.
+    pub(super) fn put(&self, text: &mut String) {
+        if *self == Self::default() {
+            return;
+        }
+        let numbers = [("every", self.every), ("distance", self.distance)];
+        let numbers = numbers
+            .into_iter()
+            .filter_map(|(key, value)| Some(format!("{key} = {:?}\n", value?)));
+        let flags = self
+            .chosen
+            .iter()
+            .map(|name| format!("{} = true\n", name.key()));
+        let lines: String = numbers.chain(flags).collect();
+        write!(text, "\n[observe]\n{lines}").expect("memory takes all");
+    }
+}
+
 /// Reads the table.
 pub(super) fn read(mut table: Table, faults: &mut Faults) -> Observe {
     let mut observe = Observe {
@@ -44,15 +92,7 @@ pub(super) fn read(mut table: Table, faults: &mut Faults) -> Observe {
             .map(|distance| distance.value),
         chosen: Vec::new(),
     };
-    let keys = [
-        ("radial_distribution", Name::RadialDistribution),
-        ("density_profile", Name::DensityProfile),
-        ("motion", Name::Motion),
-        ("relaxation", Name::Relaxation),
-        ("flights", Name::Flights),
-        ("transport", Name::Transport),
-    ];
-    for (key, name) in keys {
+    for (key, name) in KEYS {
         if table.flag(key, faults).is_some_and(|flag| flag.value) {
             observe.chosen.push(name);
         }
@@ -62,7 +102,7 @@ pub(super) fn read(mut table: Table, faults: &mut Faults) -> Observe {
 }
 
 /// Why a scene cannot measure what it asks for; `None` if it can.
-pub(super) fn refusal(scene: &Scene) -> Option<String> {
+pub fn refusal(scene: &Scene) -> Option<String> {
     let fixed = |species: &Species| species.mass.is_some_and(f64::is_infinite);
     let any_fixed =
         scene.species.iter().any(fixed) || scene.balls.iter().any(|ball| ball.mass.is_infinite());

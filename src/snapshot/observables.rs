@@ -1,10 +1,10 @@
 //! What an observable found, in one form for all: some figures, each with its error and what theory expects, and a table.
 
 use serde::ser::SerializeMap;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// One observable of a run.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Observable {
     /// Its name, as a scene's `[observe]` has it.
     pub name: String,
@@ -15,10 +15,9 @@ pub struct Observable {
 }
 
 /// A quantity with its error.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Figure {
     /// What it is.
-    #[serde(skip)]
     pub name: String,
     /// Its value.
     pub value: Option<f64>,
@@ -31,7 +30,7 @@ pub struct Figure {
 }
 
 /// A column of a table.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Column {
     /// What it holds.
     pub name: String,
@@ -39,20 +38,7 @@ pub struct Column {
     pub values: Vec<Option<f64>>,
 }
 
-impl Serialize for Observable {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(None)?;
-        for figure in &self.figures {
-            map.serialize_entry(&figure.name, figure)?;
-        }
-        for column in &self.columns {
-            map.serialize_entry(&column.name, &column.values)?;
-        }
-        map.end()
-    }
-}
-
-/// Serializes observables as one object, by name.
+/// Serializes observables as one object, by name; each has its figures and its columns by name.
 ///
 /// # Errors
 /// What the serializer answers.
@@ -60,9 +46,38 @@ pub fn by_name<S: Serializer>(
     observables: &[Observable],
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(
-        observables
-            .iter()
-            .map(|observable| (&observable.name, observable)),
-    )
+    serializer.collect_map(observables.iter().map(|one| (&one.name, Named(one))))
+}
+
+struct Named<'o>(&'o Observable);
+
+impl Serialize for Named<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        for figure in &self.0.figures {
+            map.serialize_entry(&figure.name, &Bare::of(figure))?;
+        }
+        for column in &self.0.columns {
+            map.serialize_entry(&column.name, &column.values)?;
+        }
+        map.end()
+    }
+}
+
+/// A figure without its name.
+#[derive(Serialize)]
+struct Bare {
+    value: Option<f64>,
+    standard_error: Option<f64>,
+    expected: Option<f64>,
+}
+
+impl Bare {
+    fn of(figure: &Figure) -> Self {
+        Self {
+            value: figure.value,
+            standard_error: figure.standard_error,
+            expected: figure.expected,
+        }
+    }
 }

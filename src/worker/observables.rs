@@ -201,9 +201,7 @@ impl Plan {
         };
         let named = |&name: &Name| {
             let (figures, columns) = found(name)?;
-            let name = clap::ValueEnum::to_possible_value(&name)?
-                .get_name()
-                .to_owned();
+            let name = name.key().to_owned();
             Some(Observable {
                 name,
                 figures,

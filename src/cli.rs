@@ -6,7 +6,7 @@ use clap::builder::FalseyValueParser;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 
-use crate::experiment::extremes;
+use crate::experiment::{extremes, gas, page};
 use crate::generate::{Draw, Format, GASES};
 use crate::scene::observe::Name;
 use crate::tui;
@@ -122,6 +122,16 @@ pub enum Command {
         /// Which shell
         shell: Shell,
     },
+    /// Print a template of the dashboard's settings: looks, rates and keys
+    #[command(after_help = "Example: moltop config > ~/.config/moltop/config.toml")]
+    Config {
+        /// Look for faults in the settings instead
+        #[arg(long)]
+        check: bool,
+        /// File to look at [default: the user's]
+        #[arg(requires = "check")]
+        file: Option<PathBuf>,
+    },
     /// Print the manual page
     #[command(after_help = "Example: moltop man | man -l -")]
     Man,
@@ -136,6 +146,26 @@ pub enum Experiment {
                       Examples:\n  moltop experiment extremes --quick --out results\n  moltop experiment extremes --row 8 25"
     )]
     Extremes(extremes::Options),
+    /// How run time grows with the number of balls, engine by engine, at a known accuracy
+    #[command(
+        after_help = "Takes about half an hour, --quick a minute. Example:\n  moltop experiment growth --quick --out results"
+    )]
+    Growth(page::Options),
+    /// How far a gas finds the way back after its velocities have been turned round
+    #[command(
+        after_help = "Takes some minutes, --quick half a minute. Example:\n  moltop experiment reversal --quick --out results"
+    )]
+    Reversal(page::Options),
+    /// How many events wait, and what they cost in memory, calendar by calendar
+    #[command(
+        after_help = "Takes some minutes, --quick ten seconds. Example:\n  moltop experiment queue --quick --out results"
+    )]
+    Queue(page::Options),
+    /// Oxygen near standard conditions: temperature and pressure, sample by sample, against theory
+    #[command(
+        after_help = "Takes some minutes on two cores, --quick ten seconds, --full hours. Example:\n  moltop experiment gas --quick --out results"
+    )]
+    Gas(gas::Options),
 }
 
 /// What `generate` makes.
@@ -249,6 +279,9 @@ pub struct RunOptions {
     /// Write all balls at the end as CSV
     #[arg(long, value_name = "FILE", env = "MOLTOP_STATE")]
     pub state: Option<PathBuf>,
+    /// Write every observable over the whole run as CSV: finer for the recent past, with mean, lowest and highest value
+    #[arg(long, value_name = "FILE", env = "MOLTOP_HISTORY")]
+    pub history: Option<PathBuf>,
     /// Directory of the run, new or empty [default: one named after the scene, in ~/.local/state/moltop]
     #[arg(long, value_name = "DIR", env = "MOLTOP_RUN_DIR")]
     pub run_dir: Option<PathBuf>,

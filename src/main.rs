@@ -1,5 +1,6 @@
 //! The `moltop` program: arguments to a task, a task to an exit code.
 
+use std::fs;
 use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -10,7 +11,7 @@ use moltop::check::Report;
 use moltop::cli::{Cli, Command, Experiment, Generate, RunOptions};
 use moltop::convert::convert;
 use moltop::error::{Error, Result};
-use moltop::experiment::extremes;
+use moltop::experiment::{extremes, gas, growth, queue, reversal};
 use moltop::feed::socket::SocketFeed;
 use moltop::feed::{self, Access, Feed};
 use moltop::generate::{self, Balls, Extent, GASES};
@@ -29,16 +30,16 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let done = match cli.command {
         None if cli.run_process => run_process::run(&cli.watch, program_start),
-        None if cli.in_process => watch_here(&cli.watch, &cli.screen, program_start),
-        None => start_and_watch(&cli.screen),
+        None if cli.in_process => watch_here(&cli.watch, cli.screen, program_start),
+        None => start_and_watch(cli.screen),
         Some(Command::Attach {
             run,
             read_only,
             screen,
-        }) => attach(run.as_deref(), read_only, &screen),
+        }) => attach(run.as_deref(), read_only, screen),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
-        Some(Command::Experiment(Experiment::Extremes(options))) => extremes::run(&options),
+        Some(Command::Experiment(what)) => experiment(&what),
         Some(Command::Generate { what }) => generate(&what),
         Some(Command::Convert {
             input,
@@ -52,6 +53,7 @@ fn main() -> ExitCode {
             print(&text)
         }
         Some(Command::Man) => man(),
+        Some(Command::Config { check, file }) => config(check, file),
     };
     match done {
         Ok(code) => ExitCode::from(code),
@@ -85,16 +87,18 @@ fn run(options: &RunOptions, yes: bool, program_start: Instant) -> Result<u8> {
 }
 
 /// Starts a run in a process of its own, and watches it.
-fn start_and_watch(screen: &tui::Options) -> Result<u8> {
+fn start_and_watch(screen: tui::Options) -> Result<u8> {
     needs_terminal()?;
+    let screen = &screen.with_settings()?;
     match run_process::start()? {
         Started::Run(run) => watch(&run, Access::Watcher, screen),
         Started::Refused(code) => Ok(code),
     }
 }
 
-fn attach(run: Option<&str>, read_only: bool, screen: &tui::Options) -> Result<u8> {
+fn attach(run: Option<&str>, read_only: bool, screen: tui::Options) -> Result<u8> {
     needs_terminal()?;
+    let screen = &screen.with_settings()?;
     let run = run.map_or_else(Found::newest, Found::by_name)?;
     let access = if read_only {
         Access::ReadOnly
@@ -133,8 +137,9 @@ fn watch(run: &Found, access: Access, screen: &tui::Options) -> Result<u8> {
 }
 
 /// Runs and watches in one process.
-fn watch_here(options: &RunOptions, screen: &tui::Options, program_start: Instant) -> Result<u8> {
+fn watch_here(options: &RunOptions, screen: tui::Options, program_start: Instant) -> Result<u8> {
     needs_terminal()?;
+    let screen = &screen.with_settings()?;
     let prepared = Prepared::new(options)?;
     let signals = Signals::listen()?;
     let run = prepared.start(program_start)?;
@@ -146,6 +151,16 @@ fn watch_here(options: &RunOptions, screen: &tui::Options, program_start: Instan
     };
     let code = tell(&run.finish(exit)); // whatever became of the screen, the results are written
     left.map(|_| code)
+}
+
+fn experiment(what: &Experiment) -> Result<u8> {
+    match what {
+        Experiment::Extremes(options) => extremes::run(options),
+        Experiment::Growth(options) => growth::run(options),
+        Experiment::Reversal(options) => reversal::run(options),
+        Experiment::Queue(options) => queue::run(options),
+        Experiment::Gas(options) => gas::run(options),
+    }
 }
 
 fn needs_terminal() -> Result<()> {
@@ -222,7 +237,27 @@ fn man() -> Result<u8> {
     clap_mangen::Man::new(Cli::command())
         .render(&mut text)
         .expect("memory takes all");
+    text.extend(tui::keys::manual().bytes());
     print(&text)
+}
+
+/// Prints a template of the dashboard's settings, or looks for faults in a file.
+fn config(check: bool, file: Option<PathBuf>) -> Result<u8> {
+    use tui::config;
+    if !check {
+        return print(config::template().as_bytes());
+    }
+    let path = file.or_else(config::path);
+    let Some(path) = path.filter(|path| path.exists()) else {
+        return print(b"no settings: all are at their defaults\n");
+    };
+    let text = fs::read_to_string(&path).map_err(|source| Error::File {
+        path: path.clone(),
+        action: "read",
+        source,
+    })?;
+    config::parse(&path, &text)?;
+    print(format!("{}: good\n", path.display()).as_bytes())
 }
 
 /// Writes to stdout; a reader that has seen enough, such as `head`, is no failure.

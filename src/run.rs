@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::feed::message::Ending;
 use crate::feed::server::Server;
 use crate::feed::{Command, Feed};
-use crate::output::{SeriesWriter, Target, write_observable, write_state};
+use crate::output::{SeriesWriter, Target, write_history, write_observed, write_state};
 use crate::run_directory::{self, RunDirectory};
 use crate::scene::{Scene, observe};
 use crate::state::Placement;
@@ -34,6 +34,7 @@ struct Outputs {
     summary: Option<Target>,
     series: Option<Target>,
     state: Option<Target>,
+    history: Option<Target>,
 }
 
 /// A run that is going on.
@@ -44,6 +45,7 @@ pub struct Run {
     summary: Option<Target>,
     series: Option<SeriesWriter>,
     state: Option<Target>,
+    history: Option<Target>,
 }
 
 /// The scene of the command line: a file, or the embedded one.
@@ -116,6 +118,7 @@ impl Prepared {
             summary,
             series,
             state,
+            history,
         } = self.outputs;
         let (sender, series) = match series {
             Some(target) => {
@@ -139,6 +142,7 @@ impl Prepared {
             summary,
             series,
             state,
+            history,
         })
     }
 }
@@ -158,7 +162,12 @@ fn open_directory(scene: &Scene, wish: Option<&Path>) -> Result<RunDirectory> {
 
 impl Outputs {
     fn new(options: &RunOptions) -> Result<Self> {
-        let paths = [&options.summary, &options.series, &options.state];
+        let paths = [
+            &options.summary,
+            &options.series,
+            &options.state,
+            &options.history,
+        ];
         for (index, path) in paths.iter().enumerate() {
             if path.is_some() && paths[..index].contains(path) {
                 return Err(Error::Usage(
@@ -171,11 +180,12 @@ impl Outputs {
                 .map(|path| Target::new(path, options.force))
                 .transpose()
         };
-        let [summary, series, state] = paths.map(target);
+        let [summary, series, state, history] = paths.map(target);
         Ok(Self {
             summary: summary?,
             series: series?,
             state: state?,
+            history: history?,
         })
     }
 }
@@ -225,12 +235,17 @@ impl Run {
                 )),
             });
         }
-        for observable in outcome.snapshot.observables.iter() {
+        for observed in outcome.snapshot.observables.iter() {
             let target = (self.directory.as_ref())
-                .map(|found| found.target(&format!("{}.csv", observable.name)));
+                .map(|found| found.target(&format!("{}.csv", observed.name)));
             written.extend(
-                target.map(|target| target.write(|writer| write_observable(writer, observable))),
+                target.map(|target| target.write(|writer| write_observed(writer, observed))),
             );
+        }
+        let history = &outcome.snapshot.history;
+        let of_run = (self.directory.as_ref()).map(|found| found.target(run_directory::HISTORY));
+        for target in of_run.iter().chain(&self.history) {
+            written.push(target.write(|writer| write_history(writer, history)));
         }
         let failures: Vec<String> = (written.into_iter().filter_map(Result::err))
             .map(|error| error.to_string())

@@ -9,7 +9,7 @@ use serde_json::ser::{Formatter, PrettyFormatter};
 
 use crate::quantity::{Quantity, duration, plain, quantity};
 use crate::snapshot::{
-    Check, Echo, NamedBall, Observable, Phase, Pressure, Snapshot, Speeds, Units, by_name,
+    Check, Echo, NamedBall, Observed, Phase, Pressure, Snapshot, Speeds, Units, by_name,
 };
 
 /// Name and version of the summary's format.
@@ -90,7 +90,7 @@ pub struct Summary<'s> {
     peak_rss_bytes: Option<u64>,
     state_hash: Option<String>,
     #[serde(serialize_with = "by_name")]
-    observables: &'s [Observable],
+    observables: &'s [Observed],
     named_balls: &'s [NamedBall],
     exit: String,
 }
@@ -223,6 +223,7 @@ impl<'s> SpeedSummary<'s> {
             maxwell,
             ks,
             ks_critical,
+            ..
         } = speeds;
         Self {
             histogram: Histogram {
@@ -419,6 +420,7 @@ mod tests {
             maxwell: vec![0.5, 2.5],
             ks: 0.1,
             ks_critical: 0.2,
+            ..Speeds::default()
         };
         let snapshot = Snapshot {
             speeds: Some(Arc::new(speeds)),

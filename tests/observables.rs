@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use moltop::scene::Scene;
-use moltop::snapshot::{Figure, Observable, Phase, Snapshot};
+use moltop::snapshot::{Figure, Observed, Phase, Snapshot};
 use moltop::worker::engines::Choice;
 use moltop::worker::{Options, Worker};
 
@@ -23,7 +23,7 @@ fn run(text: &str, engine: Choice) -> Arc<Snapshot> {
     outcome.snapshot
 }
 
-fn observable<'s>(snapshot: &'s Snapshot, name: &str) -> &'s Observable {
+fn observable<'s>(snapshot: &'s Snapshot, name: &str) -> &'s Observed {
     let found = snapshot
         .observables
         .iter()
@@ -48,7 +48,7 @@ fn ratio(figure: &Figure) -> (f64, f64) {
     )
 }
 
-fn column(observable: &Observable, name: &str) -> Vec<f64> {
+fn column(observable: &Observed, name: &str) -> Vec<f64> {
     let column = observable.columns.iter().find(|column| column.name == name);
     column
         .expect("a column of this name")

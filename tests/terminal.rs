@@ -12,7 +12,7 @@ const SMALL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/seed-512.toml"
 #[track_caller]
 fn check_budget(size: (u16, u16), first: usize, per_second: f64) {
     const SECONDS: u64 = 5;
-    let mut terminal = Terminal::start(size, &[], &[]);
+    let mut terminal = Terminal::start(size, &["--in-process"], &[]);
     terminal.wait_for("running");
     let painted = terminal.bytes.len();
     assert!(painted <= first, "{painted} bytes of first paint");
@@ -35,7 +35,7 @@ fn a_large_window_takes_eight_kilobytes_per_second() {
     check_budget((200, 50), 20_000, 8_000.0);
 }
 
-const ENDLESS: [&str; 3] = [SMALL, "--until", "1e6"];
+const ENDLESS: [&str; 4] = [SMALL, "--in-process", "--until", "1e6"];
 
 #[test]
 fn a_named_budget_is_kept_and_a_paused_run_sends_nothing() {
@@ -125,9 +125,12 @@ fn rendition_codes(bytes: &[u8]) -> Vec<String> {
 fn tour(arguments: &[&str], variables: &[(&str, &str)]) -> Vec<u8> {
     let mut terminal = Terminal::start((120, 40), &[&ENDLESS, arguments].concat(), variables);
     terminal.wait_for("running");
-    for key in ["v", "?", "?", "\x1b[C", "f", "f", "r", "q", "n", " "] {
+    for key in [
+        "v", "?", "x", "\x1b[C", "r", "2", "3", "4", "5", "6", "7", "8", "\t", "\x1b", "\t", "f",
+        "f", "m", "q", "n", " ",
+    ] {
         terminal.press(key);
-        terminal.read_for(Duration::from_millis(150));
+        terminal.read_for(Duration::from_millis(120));
     }
     std::mem::take(&mut terminal.bytes)
 }

@@ -53,9 +53,9 @@ impl Correlator {
     /// Nothing recorded yet; `groups` has the group of each vector, from 0 to `group_count`.
     pub fn new(kind: Kind, groups: Vec<u16>, group_count: usize) -> Self {
         let mut group_sizes = vec![0; group_count];
-        groups
-            .iter()
-            .for_each(|&group| group_sizes[usize::from(group)] += 1);
+        for &group in &groups {
+            group_sizes[usize::from(group)] += 1;
+        }
         Self {
             kind,
             groups,
@@ -201,9 +201,9 @@ mod tests {
         };
         let series: Vec<DVec3> = (0..40).map(|_| record()).collect();
         let mut correlator = Correlator::new(Kind::Product, vec![0], 1);
-        series
-            .iter()
-            .for_each(|vector| correlator.record(&[*vector]));
+        for vector in &series {
+            correlator.record(&[*vector]);
+        }
         // Blocks of the settled part: what was recorded at all is what the sums of one block of a short run hold.
         let whole: Vec<f64> = correlator.sums.total();
         assert!(whole[0] > 30.0);

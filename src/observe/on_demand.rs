@@ -57,7 +57,7 @@ impl OnDemand {
 
     /// Looks at the state's present, the next of equally spaced instants.
     pub fn look(&mut self, state: &State) {
-        if self.looks % LOOKS_PER_COUNT == 0 {
+        if self.looks.is_multiple_of(LOOKS_PER_COUNT) {
             if let Some(radial_distribution) = &mut self.radial_distribution {
                 radial_distribution.look(state);
             }

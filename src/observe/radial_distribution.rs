@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn a_parabola_is_found_again() {
         let points: Vec<_> = (1..9)
-            .map(|x| f64::from(x))
+            .map(f64::from)
             .map(|x| [x, 3.0 - 2.0 * x + 0.5 * x * x, x])
             .collect();
         assert!((parabola_at_zero(&points).expect("points") - 3.0).abs() < 1e-9);

@@ -52,7 +52,7 @@ impl Relaxation {
     /// Measures the gas at its present.
     pub fn look(&mut self, state: &State) {
         self.looks += 1;
-        if (self.looks - 1) % self.looks_per_point != 0 {
+        if !(self.looks - 1).is_multiple_of(self.looks_per_point) {
             return;
         }
         let Some(point) = point(state) else { return };

@@ -13,7 +13,7 @@ use crate::state::{Bodies, State};
 pub struct Velocities {
     bodies: Bodies,
     drift: DVec3,
-    velocities: Vec<DVec3>,
+    of_balls: Vec<DVec3>,
 }
 
 impl Velocities {
@@ -22,7 +22,7 @@ impl Velocities {
         let mut followed = Self {
             bodies: state.bodies.clone(),
             drift: state.drift(),
-            velocities: vec![DVec3::ZERO; state.ball_count()],
+            of_balls: vec![DVec3::ZERO; state.ball_count()],
         };
         followed.set_right(state);
         followed
@@ -30,7 +30,7 @@ impl Velocities {
 
     /// Takes the velocities from the state, which has them exactly.
     pub fn set_right(&mut self, state: &State) {
-        for (velocity, flight) in self.velocities.iter_mut().zip(&state.trajectories) {
+        for (velocity, flight) in self.of_balls.iter_mut().zip(&state.trajectories) {
             *velocity = flight.velocity - self.drift;
         }
     }
@@ -44,7 +44,7 @@ impl Velocities {
     /// Velocity of a ball.
     #[inline]
     pub fn of_ball(&self, ball: u32) -> DVec3 {
-        self.velocities[ball as usize]
+        self.of_balls[ball as usize]
     }
 
     /// Mass of a ball.
@@ -55,8 +55,8 @@ impl Velocities {
 
     /// Velocities and masses of all balls.
     pub fn all(&self) -> impl Iterator<Item = (DVec3, f64)> {
-        let masses = (0..self.velocities.len()).map(|ball| self.bodies.of(ball).mass);
-        self.velocities.iter().copied().zip(masses)
+        let masses = (0..self.of_balls.len()).map(|ball| self.bodies.of(ball).mass);
+        self.of_balls.iter().copied().zip(masses)
     }
 
     /// Follows a collision. A fixed ball's mass is infinite, so nothing moves it.
@@ -77,6 +77,6 @@ impl Velocities {
     #[inline]
     fn push(&mut self, ball: u32, impulse: DVec3) {
         let mass = self.mass(ball);
-        self.velocities[ball as usize] += impulse / mass;
+        self.of_balls[ball as usize] += impulse / mass;
     }
 }

@@ -3,9 +3,9 @@
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Serialize, Serializer};
 
-/// One observable of a run.
+/// What one observable of a run has found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Observable {
+pub struct Observed {
     /// Its name, as a scene's `[observe]` has it.
     pub name: String,
     /// Its figures.
@@ -42,14 +42,11 @@ pub struct Column {
 ///
 /// # Errors
 /// What the serializer answers.
-pub fn by_name<S: Serializer>(
-    observables: &[Observable],
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
+pub fn by_name<S: Serializer>(observables: &[Observed], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(observables.iter().map(|one| (&one.name, Named(one))))
 }
 
-struct Named<'o>(&'o Observable);
+struct Named<'o>(&'o Observed);
 
 impl Serialize for Named<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {

@@ -5,7 +5,7 @@
 
 mod palette;
 
-pub use palette::{Colors, Palette, Theme};
+pub use palette::{Colors, Palette, Theme, color, paper_and_ink};
 
 use ratatui::buffer::Buffer;
 use ratatui::style::{Color, Modifier, Style};
@@ -20,6 +20,8 @@ pub const QUIET: Style = Style::new().fg(Color::Gray);
 pub const VALUE: Style = Style::new();
 /// Titles and what must be seen first.
 pub const STRONG: Style = Style::new().add_modifier(Modifier::BOLD);
+/// The chosen panel, the running search.
+pub const CHOSEN: Style = Style::new().add_modifier(Modifier::REVERSED);
 /// Histories and bars.
 pub const BAR: Style = Style::new().fg(Color::Cyan);
 /// What theory expects.

@@ -12,18 +12,18 @@ use super::pace::{Meter, Slices};
 use super::{Options, Slot};
 use crate::engine::{Engine, Stuck};
 use crate::feed::Command;
-use crate::history::History;
+use crate::history::{History, Observable, Stretch};
 use crate::observe::Observer;
 use crate::observe::on_demand::OnDemand;
 use crate::scene::Scene;
 use crate::scene::analysis::Theory;
-use crate::snapshot::{Expected, HistoryPoint, Observable, Phase, SceneCard, SeriesRow, Snapshot};
+use crate::snapshot::{Expected, Observed, Phase, SceneCard, SeriesRow, Snapshot};
 use crate::state::{Placement, State};
 
 /// Wall time between two snapshots.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(100);
 
-/// Wall time of the run between two points of the history \[s\].
+/// Wall time of the run between two stretches of the history \[s\].
 const HISTORY_EVERY_S: f64 = 0.5;
 
 /// Share of the wall time that may go into reading every ball.
@@ -81,6 +81,7 @@ struct Totals {
     wall_impulse: f64,
     pair_virial: f64,
     pair_collisions: u64,
+    wall_collisions: u64,
 }
 
 struct Run<'a> {
@@ -90,7 +91,7 @@ struct Run<'a> {
     engine: Box<dyn Engine>,
     observer: Observer,
     on_demand: Option<OnDemand>,
-    observables: Arc<Vec<Observable>>,
+    observables: Arc<Vec<Observed>>,
     observables_due: Instant,
     pressures: Pressures,
     echo: EchoWatch,
@@ -98,9 +99,10 @@ struct Run<'a> {
     survey_due: Instant,
     meter: Meter,
     slices: Slices,
-    history: History,
+    history: Arc<History>,
     history_due: f64,
-    last_point: Totals,
+    /// Where the last stretch of the history ended, and the wall time then.
+    last_point: (Totals, f64),
     last_row: Totals,
     rows: u64,
     phase: Phase,
@@ -147,9 +149,9 @@ pub fn run(
         survey,
         survey_due,
         meter: Meter::default(),
-        history: History::default(),
+        history: Arc::default(),
         history_due: HISTORY_EVERY_S,
-        last_point: Totals::default(),
+        last_point: (Totals::default(), 0.0),
         last_row: Totals::default(),
         rows: 0,
         phase: Phase::Running,
@@ -165,6 +167,7 @@ pub fn run(
     };
     run.publish(None);
     run.go();
+    run.write_history();
     run.engine.settle();
     run.survey = Survey::of(run.engine.state(), &run.observer);
     run.evaluate_observables();
@@ -390,11 +393,13 @@ impl Run<'_> {
     }
 
     fn totals(&self) -> Totals {
+        let counters = self.engine.counters();
         Totals {
             time: self.time(),
             wall_impulse: self.observer.ledger.wall_impulse(),
             pair_virial: self.observer.ledger.pair_virial(),
-            pair_collisions: self.engine.counters().pair_collisions,
+            pair_collisions: counters.pair_collisions,
+            wall_collisions: counters.wall_collisions,
         }
     }
 
@@ -433,19 +438,57 @@ impl Run<'_> {
     }
 
     fn write_history(&mut self) {
+        let (last, wall_before) = self.last_point;
         let totals = self.totals();
-        let (wall, virial) = self.pressures_between(self.last_point, totals);
-        let span = totals.time - self.last_point.time;
-        if let Some(temperature) = self.temperature().filter(|_| span > 0.0) {
-            self.history.push(HistoryPoint {
-                time: totals.time,
-                temperature,
-                pressure: wall.or(virial).unwrap_or(0.0),
-                pair_rate: (totals.pair_collisions - self.last_point.pair_collisions) as f64 / span,
-                queue_length: self.engine.queue_length() as f64,
-            });
+        let wall_time = self.meter.wall_time();
+        self.last_point = (totals, wall_time);
+        let span = totals.time - last.time;
+        if !(span > 0.0) {
+            return;
         }
-        self.last_point = totals;
+        let counters = self.engine.counters();
+        let survey = &self.survey;
+        let (wall, virial) = self.pressures_between(last, totals);
+        let pairs = (totals.pair_collisions - last.pair_collisions) as f64;
+        let walls = (totals.wall_collisions - last.wall_collisions) as f64;
+        let speeds = survey.speeds.as_deref();
+        let stretch = Stretch::new(last.time, totals.time, wall_time)
+            .with(Observable::Temperature, self.temperature())
+            .with(Observable::PressureWall, wall)
+            .with(Observable::PressureVirial, virial)
+            .with(
+                Observable::CompressibilityFactor,
+                self.compressibility_factor(wall.or(virial)),
+            )
+            .with(Observable::PairRate, Some(pairs / span))
+            .with(Observable::WallRate, Some(walls / span))
+            .with(Observable::EnergyDrift, survey.energy_drift)
+            .with(Observable::MomentumDrift, survey.momentum_drift)
+            .with(Observable::VirialResidual, survey.virial_residual)
+            .with(Observable::MaxOverlap, self.observer.max_overlap)
+            .with(
+                Observable::SpeedDeviation,
+                speeds.map(|speeds| speeds.ks / speeds.ks_critical),
+            )
+            .with(
+                Observable::QueueLength,
+                (counters.queue_length_max > 0).then(|| self.engine.queue_length() as f64),
+            )
+            .with(Observable::Speed, Some(pairs / (wall_time - wall_before)))
+            .with(
+                Observable::Memory,
+                measure::resident_memory().map(|bytes| bytes as f64),
+            );
+        Arc::make_mut(&mut self.history).push(stretch);
+    }
+
+    /// `P V / (N k T)`, for a pressure.
+    fn compressibility_factor(&self, pressure: Option<f64>) -> Option<f64> {
+        let [x, y, z] = self.setting.card.size;
+        let balls = self.setting.card.ball_count as f64;
+        pressure
+            .zip(self.survey.thermal_energy)
+            .map(|(p, energy)| p * x * y * z / (balls * energy))
     }
 
     fn temperature(&self) -> Option<f64> {
@@ -466,8 +509,6 @@ impl Run<'_> {
         let temperature = self.temperature();
         let rates = self.meter.rates().filter(|_| self.phase == Phase::Running);
         let pair_rate = settled.pair_rate.filter(|_| counters.pair_collisions > 0);
-        let [x, y, z] = card.size;
-        let thermal_energy = self.survey.thermal_energy.map(|energy| balls * energy);
         let pressure = settled.pressure.wall.or(settled.pressure.virial);
         self.slot.put(Snapshot {
             sequence: self.sequence,
@@ -488,9 +529,7 @@ impl Run<'_> {
             temperature,
             kinetic_energy: self.survey.kinetic_energy,
             pressure: settled.pressure,
-            compressibility_factor: pressure
-                .zip(thermal_energy)
-                .map(|(p, nkt)| p * x * y * z / nkt),
+            compressibility_factor: self.compressibility_factor(pressure),
             collision_rate: pair_rate.map(|rate| 2.0 * rate / balls),
             pair_rate,
             wall_rate: settled.wall_rate,
@@ -522,7 +561,7 @@ impl Run<'_> {
                 .map(|ball| ball.at(state, temperature.filter(|_| !self.reversed), time))
                 .collect(),
             observables: Arc::clone(&self.observables),
-            history: self.history.points(),
+            history: Arc::clone(&self.history),
             sample: self.watched.then(|| {
                 Arc::new(measure::sample(
                     state,

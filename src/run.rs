@@ -114,6 +114,18 @@ impl Prepared {
                 None
             }
         };
+        self.start_in(directory, program_start)
+    }
+
+    /// Starts the engine of a run that leaves nothing behind but the outputs that were asked for.
+    ///
+    /// # Errors
+    /// [`Error::File`] when the series cannot be opened any more.
+    pub fn start_without_directory(self, program_start: Instant) -> Result<Run> {
+        self.start_in(None, program_start)
+    }
+
+    fn start_in(self, directory: Option<RunDirectory>, program_start: Instant) -> Result<Run> {
         let Outputs {
             summary,
             series,

@@ -267,6 +267,9 @@ pub struct RunOptions {
     /// Simulated time at which the run ends, in the scene's units
     #[arg(long, value_name = "T", env = "MOLTOP_UNTIL", allow_negative_numbers = true, value_parser = positive)]
     pub until: Option<f64>,
+    /// End the run once the standard error of the pressure is at most this share of it, as 0.001 or 0.1%
+    #[arg(long, value_name = "SHARE", env = "MOLTOP_UNTIL_ERROR", value_parser = share)]
+    pub until_error: Option<f64>,
     /// Simulated time between two rows of the series, in the scene's units
     #[arg(long, value_name = "T", env = "MOLTOP_SAMPLE", allow_negative_numbers = true, value_parser = positive)]
     pub sample: Option<f64>,
@@ -334,6 +337,13 @@ fn window(text: &str) -> Result<(u16, u16), String> {
     let size = parts.and_then(|(columns, rows)| Some((columns.parse().ok()?, rows.parse().ok()?)));
     size.filter(|size| (1..=500).contains(&size.0) && (1..=200).contains(&size.1))
         .ok_or_else(|| "must be columns x rows, such as 80x24, up to 500x200".to_owned())
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    match text.strip_suffix('%') {
+        Some(percent) => positive(percent.trim_end()).map(|percent| percent / 100.0),
+        None => positive(text),
+    }
 }
 
 fn positive(text: &str) -> Result<f64, String> {

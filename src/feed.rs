@@ -29,6 +29,8 @@ pub enum Command {
     Watch(bool),
     /// Write a checkpoint now.
     Checkpoint,
+    /// Make the state at a past simulated time again, beside the run, in [`Snapshot::past`]; `None` lets it go.
+    Goto(Option<f64>),
     /// End the run; the last snapshot is the summary's.
     Stop,
 }
@@ -56,4 +58,17 @@ pub trait Feed {
         let latest = self.latest();
         latest.state_hash.is_some() && !matches!(latest.phase, Phase::Finished | Phase::Failed(_))
     }
+}
+
+/// The past that a run was asked for ([`Command::Goto`]), as a feed of its own: nothing that is sent to it reaches the run.
+pub struct PastFeed<'f>(pub &'f dyn Feed);
+
+impl Feed for PastFeed<'_> {
+    /// The past, or the present while there is no past.
+    fn latest(&self) -> Arc<Snapshot> {
+        let now = self.0.latest();
+        now.past.clone().unwrap_or(now)
+    }
+
+    fn send(&self, _: Command) {}
 }

@@ -121,13 +121,21 @@ fn line(snapshot: &Snapshot) -> String {
     if let Some(rate) = snapshot.collisions_per_wall_second {
         parts.push(format!("{} collisions/s", plain(rate)));
     }
-    if let Some((low, high)) = snapshot.time_left_s {
+    let left = |(low, high): (f64, f64)| {
         let (low, high) = (duration(low), duration(high));
-        parts.push(if low == high {
+        if low == high {
             format!("{low} left")
         } else {
             format!("{low} to {high} left")
-        });
+        }
+    };
+    parts.extend(snapshot.time_left_s.map(left));
+    if let Some((wanted, error)) = snapshot.until_error.zip(snapshot.pressure_error) {
+        let (error, wanted) = (plain(100.0 * error), plain(100.0 * wanted));
+        let left = snapshot
+            .error_left_s
+            .map_or(String::new(), |range| format!(", {}", left(range)));
+        parts.push(format!("P to {error} % of {wanted} %{left}"));
     }
     if let Some(pressure) = snapshot.pressure.wall {
         parts.push(format!(

@@ -29,6 +29,7 @@ pub struct Prepared {
     outputs: Outputs,
     run_dir: Option<PathBuf>,
     checkpoint_every: Duration,
+    until_error: Option<f64>,
 }
 
 /// What a run comes from.
@@ -89,6 +90,7 @@ impl Prepared {
             outputs,
             run_dir: options.run_dir.clone(),
             checkpoint_every: options.checkpoint_every,
+            until_error: options.until_error,
         })
     }
 
@@ -147,6 +149,8 @@ impl Prepared {
         let options = |engine, until| Options {
             engine,
             until,
+            until_error: self.until_error,
+            reversals: Vec::new(),
             series: sender,
             directory: directory.as_ref().map(|found| found.path().to_owned()),
             checkpoint_every: self.checkpoint_every,

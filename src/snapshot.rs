@@ -235,6 +235,12 @@ pub struct Snapshot {
     pub collisions_per_wall_second: Option<f64>,
     /// Wall seconds left: a low and a high estimate.
     pub time_left_s: Option<(f64, f64)>,
+    /// Standard error of the pressure over the pressure at which the run ends, if it does.
+    pub until_error: Option<f64>,
+    /// Standard error of the pressure over the pressure, now.
+    pub pressure_error: Option<f64>,
+    /// Wall seconds until `until_error` is reached: a low and a high estimate.
+    pub error_left_s: Option<(f64, f64)>,
     /// Collisions and events so far.
     pub counts: Counts,
     /// Temperature from the kinetic energy, `2 K / (3 N k)`.
@@ -291,6 +297,10 @@ pub struct Snapshot {
     /// The run's history, in constant memory.
     #[serde(skip)]
     pub history: Arc<History>,
+    /// The run as it was at the past moment that [`crate::feed::Command::Goto`] asked for, or on its way there: until it is
+    /// in phase `Finished` it has yet to come to its `until`.
+    #[serde(skip)]
+    pub past: Option<Arc<Snapshot>>,
     /// Balls for the picture; `None` while nobody watches.
     #[serde(skip)]
     pub sample: Option<Arc<Sample>>,
@@ -313,6 +323,9 @@ impl Snapshot {
             time_rate_limit: None,
             collisions_per_wall_second: None,
             time_left_s: None,
+            until_error: None,
+            pressure_error: None,
+            error_left_s: None,
             counts: Counts::default(),
             temperature: None,
             kinetic_energy: 0.0,
@@ -339,6 +352,7 @@ impl Snapshot {
             named: Vec::new(),
             observables: Arc::default(),
             history: Arc::default(),
+            past: None,
             sample: None,
         }
     }

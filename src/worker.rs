@@ -10,6 +10,7 @@ mod observables;
 mod echo;
 mod measure;
 mod pace;
+mod past;
 mod run;
 mod saved;
 mod writer;
@@ -38,6 +39,10 @@ pub struct Options {
     pub engine: engines::Choice,
     /// Simulated time at which the run ends; `None` runs until it is stopped.
     pub until: Option<f64>,
+    /// Standard error of the pressure over the pressure at which the run ends, at the end of a sample.
+    pub until_error: Option<f64>,
+    /// Simulated times at which time is reversed, in order: a course that was run before.
+    pub reversals: Vec<f64>,
     /// Where the rows of the series go.
     pub series: Option<mpsc::Sender<SeriesRow>>,
     /// Directory of the run, if it has one: there its checkpoints go.

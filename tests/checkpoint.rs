@@ -5,6 +5,7 @@ mod common;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use common::{lattice, seed_scene};
@@ -12,9 +13,12 @@ use moltop::checkpoint;
 use moltop::domain::{Boundary, Plane};
 use moltop::engine::{Counters, Engine, Saved};
 use moltop::event::Participants;
+use moltop::feed::{self, Feed, PastFeed};
+use moltop::scene::Scene;
+use moltop::snapshot::{Phase, Snapshot};
 use moltop::state::{Placement, State, Time};
-use moltop::worker::SavedRun;
 use moltop::worker::engines::{CalendarName, Choice};
+use moltop::worker::{Options, SavedRun, Worker};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use serde_json::Value;
@@ -244,6 +248,129 @@ fn a_run_that_goes_on_without_its_scene_file_has_the_same_summary_rows_and_state
     }
 }
 
+/// The run in this process, with its checkpoints in a directory.
+fn worker(directory: &Path, until: Option<f64>) -> Worker {
+    let scene = Scene::parse(Path::new("small.toml"), SMALL).expect("a good scene");
+    let placement = scene.place().expect("it fits");
+    let options = Options {
+        engine: Choice::default(),
+        until,
+        until_error: None,
+        reversals: Vec::new(),
+        series: None,
+        directory: Some(directory.to_owned()),
+        checkpoint_every: Duration::from_millis(20),
+        program_start: Instant::now(),
+    };
+    Worker::start(&scene, placement, options)
+}
+
+/// Waits for a snapshot, at most a minute.
+#[track_caller]
+fn wait_for(feed: &dyn Feed, what: impl Fn(&Snapshot) -> bool) -> Arc<Snapshot> {
+    let began = Instant::now();
+    loop {
+        let latest = feed.latest();
+        if what(&latest) {
+            return latest;
+        }
+        assert!(
+            began.elapsed() < Duration::from_secs(60),
+            "{:?}",
+            latest.notice
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn the_past_is_made_again_bit_for_bit_across_a_reversal_and_the_run_goes_on() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let running = worker(directory.path(), None);
+    let feed = running.feed();
+    wait_for(&feed, |run| {
+        run.last_checkpoint.is_some_and(|time| time > 1.0)
+    });
+    feed.send(feed::Command::Pause);
+    let turned = wait_for(&feed, |run| run.phase == Phase::Paused);
+    feed.send(feed::Command::Reverse);
+    feed.send(feed::Command::Resume);
+    wait_for(&feed, |run| {
+        run.last_checkpoint
+            .is_some_and(|time| time > turned.time + 5.0)
+    });
+    // The state then, from a run that was stopped there.
+    let hash = |times: &[f64]| {
+        let alone = tempfile::tempdir().expect("a directory");
+        let scene = Scene::parse(Path::new("small.toml"), SMALL).expect("a good scene");
+        let options = Options {
+            engine: Choice::default(),
+            until: Some(times[times.len() - 1]),
+            until_error: None,
+            reversals: times[..times.len() - 1].to_vec(),
+            series: None,
+            directory: Some(alone.path().to_owned()),
+            checkpoint_every: Duration::MAX,
+            program_start: Instant::now(),
+        };
+        let placement = scene.place().expect("it fits");
+        Worker::start(&scene, placement, options)
+            .join()
+            .snapshot
+            .state_hash
+    };
+    for (time, reversals) in [(0.5, vec![]), (turned.time + 1.25, vec![turned.time])] {
+        let before = feed.latest().time;
+        feed.send(feed::Command::Goto(Some(time)));
+        let then = |run: &Snapshot| {
+            (run.past.as_ref()).is_some_and(|past| past.time == time && past.state_hash.is_some())
+        };
+        let now = wait_for(&feed, then);
+        let past = PastFeed(&feed).latest();
+        assert_eq!((past.time, past.phase.clone()), (time, Phase::Finished));
+        assert!(past.sample.is_some() && past.reversed == !reversals.is_empty());
+        assert_eq!(past.state_hash, hash(&[&reversals[..], &[time]].concat()));
+        assert!(
+            now.time >= before && now.phase == Phase::Running,
+            "the run goes on"
+        );
+    }
+    feed.send(feed::Command::Goto(Some(1e9)));
+    let refused = wait_for(&feed, |run| run.notice.is_some());
+    assert!(
+        refused
+            .notice
+            .as_deref()
+            .is_some_and(|why| why.contains("has not been there"))
+    );
+    feed.send(feed::Command::Goto(None));
+    wait_for(&feed, |run| run.past.is_none());
+    feed.send(feed::Command::Stop);
+    running.join();
+    let kept = fs::read_dir(directory.path().join("past"))
+        .expect("checkpoints")
+        .count();
+    assert!((1..=16).contains(&kept), "{kept}");
+}
+
+#[test]
+fn a_run_ends_when_the_pressure_is_known_well_enough() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = directory.path();
+    fs::write(path.join("scene.toml"), SMALL).expect("it can be written");
+    let files = ["--summary", "end.json", "--until", "100000", "--yes"];
+    run(
+        path,
+        &[&["run", "scene.toml", "--until-error", "2%"], &files[..]].concat(),
+    );
+    let summary = summary(path, "end.json");
+    let pressure = |key: &str| summary["pressure"][key].as_f64().expect("a pressure");
+    let error = pressure("standard_error") / pressure("wall");
+    assert!((0.005..=0.02).contains(&error), "{error}");
+    assert_eq!(summary["exit"], "finished");
+    assert!(summary["time"].as_f64().is_some_and(|time| time < 1e4));
+}
+
 /// Kills a run at random moments, with a checkpoint every 10 ms, and goes on each time; the end is that of a run in one go.
 fn check_kills(kills: u32, seed: u64) {
     let directory = tempfile::tempdir().expect("a directory");
@@ -373,6 +500,7 @@ fn a_checkpoint_that_cannot_be_written_does_not_stop_the_run() {
     let begun = ["run", "scene.toml", "--run-dir", "begun", "--until", "2"];
     run(path, &begun);
     // A directory that is not empty stands where the checkpoint before is to go.
+    fs::remove_file(path.join("begun/checkpoint.previous")).expect("it was there");
     fs::create_dir_all(path.join("begun/checkpoint.previous/full")).expect("it can be made");
     let before = fs::read(path.join("begun/checkpoint")).expect("a checkpoint");
     let started = Instant::now();

@@ -19,6 +19,8 @@ fn run(name: &str, until: f64) -> (Arc<Snapshot>, Outcome) {
         series: None,
         directory: None,
         checkpoint_every: Duration::MAX,
+        until_error: None,
+        reversals: Vec::new(),
         program_start: Instant::now(),
     };
     let outcome = Worker::start(&scene, placement, options).join();

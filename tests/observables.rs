@@ -17,6 +17,8 @@ fn run(text: &str, engine: Choice) -> Arc<Snapshot> {
         series: None,
         directory: None,
         checkpoint_every: Duration::MAX,
+        until_error: None,
+        reversals: Vec::new(),
         program_start: Instant::now(),
     };
     let outcome = Worker::start(&scene, scene.place().expect("a good scene"), options).join();

@@ -45,6 +45,8 @@ fn check(scene: &Scene, until: f64, tolerance: [f64; 3]) {
         series: None,
         directory: None,
         checkpoint_every: Duration::MAX,
+        until_error: None,
+        reversals: Vec::new(),
         program_start: Instant::now(),
     };
     let last = Worker::start(scene, placement, options).join().snapshot;

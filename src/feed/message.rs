@@ -68,6 +68,7 @@ pub struct Frame {
     history: Grown,
     observables: Part<Arc<Vec<Observed>>>,
     sample: Part<Option<Arc<Sample>>>,
+    past: Option<Box<Frame>>,
 }
 
 /// A large part of a snapshot.
@@ -157,6 +158,7 @@ impl Frame {
                 Arc::as_ptr,
             ),
             sample,
+            past: (now.past.as_ref()).map(|past| Box::new(Self::between(old_past(before), past))),
         }
     }
 
@@ -176,6 +178,7 @@ impl Frame {
             history: self.history.after(before),
             observables: self.observables.after(before.map(|it| &it.observables)),
             sample,
+            past: (self.past).map(|past| Arc::new(past.after(old_past(before)))),
             ..self.small
         }
     }
@@ -183,6 +186,10 @@ impl Frame {
 
 fn old_sample(before: Option<&Snapshot>) -> Option<&Option<Arc<Sample>>> {
     before.map(|it| &it.sample)
+}
+
+fn old_past(before: Option<&Snapshot>) -> Option<&Snapshot> {
+    before.and_then(|it| it.past.as_deref())
 }
 
 /// A message as bytes.

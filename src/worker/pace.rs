@@ -17,8 +17,20 @@ const LATELY_S: f64 = 3.0;
 /// Wall time between two marks of the meter.
 const MARK_S: f64 = 0.25;
 
-/// Marks kept for the estimate of the time left: two minutes.
-const MOST_MARKS: usize = 480;
+/// Most marks for the estimate of the time left; when there are more, every second one goes.
+const MOST_MARKS: usize = 256;
+
+/// Share of the run, up to the present, whose rate tells the time left: the start may be of another kind.
+const TELLING_SHARE: f64 = 0.5;
+
+/// Blocks into which that share is cut, to see how much the rate varies.
+const BLOCKS: usize = 10;
+
+/// Fewest blocks with which the range is what varies between them.
+const FEWEST_BLOCKS: usize = 4;
+
+/// Half of the range, as a share of the rate, while there are fewer; and the widest later on.
+const VAGUE: f64 = 0.5;
 
 /// Where a run was at a moment of its wall time.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -32,26 +44,45 @@ struct Mark {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Meter {
     wall_time: f64,
+    /// The last seconds.
     marks: VecDeque<Mark>,
+    /// The whole run at its present pace, about `spacing` wall seconds apart.
+    course: Vec<Mark>,
+    spacing: f64,
 }
 
 impl Meter {
     /// Notes that the run went on for `spent` and is now at `time`.
     pub fn ran(&mut self, spent: Duration, time: f64, pair_collisions: u64) {
         self.wall_time += spent.as_secs_f64();
-        if self
-            .marks
-            .back()
-            .is_none_or(|mark| self.wall_time - mark.wall_time >= MARK_S)
-        {
-            self.marks.push_back(Mark {
-                wall_time: self.wall_time,
-                time,
-                pair_collisions,
-            });
-            if self.marks.len() > MOST_MARKS {
+        let mark = Mark {
+            wall_time: self.wall_time,
+            time,
+            pair_collisions,
+        };
+        let since = |last: Option<&Mark>| {
+            last.map_or(f64::INFINITY, |last| mark.wall_time - last.wall_time)
+        };
+        if since(self.marks.back()) >= MARK_S {
+            self.marks.push_back(mark);
+            while self
+                .marks
+                .front()
+                .is_some_and(|old| mark.wall_time - old.wall_time > LATELY_S + MARK_S)
+            {
                 self.marks.pop_front();
             }
+        }
+        if since(self.course.last()) >= self.spacing.max(MARK_S) {
+            if self.course.len() == MOST_MARKS {
+                let mut index = 0;
+                self.course.retain(|_| {
+                    index += 1;
+                    index % 2 == 1
+                });
+                self.spacing = 2.0 * self.spacing.max(MARK_S);
+            }
+            self.course.push(mark);
         }
     }
 
@@ -63,6 +94,8 @@ impl Meter {
     /// Forgets the past rates, when the run changes its pace.
     pub fn restart(&mut self) {
         self.marks.clear();
+        self.course.clear();
+        self.spacing = 0.0;
     }
 
     /// Simulated time and pair collisions per wall second, lately.
@@ -83,19 +116,30 @@ impl Meter {
         })
     }
 
-    /// Wall seconds to `until`, low and high: from the fastest and the slowest of the last tenths of the marks.
-    pub fn time_left(&self, time: f64, until: f64) -> Option<(f64, f64)> {
-        let (rate, _) = self.rates()?;
-        let stretch = (self.marks.len() / 10).max(1);
-        let stretches = || {
-            let ends = self.marks.iter().step_by(stretch);
-            ends.clone()
-                .zip(ends.skip(1))
-                .map(|(first, last)| (last.time - first.time) / (last.wall_time - first.wall_time))
+    /// Wall seconds for `amount` of simulated time, low and high: from the rate over the newer half of the run at its present
+    /// pace, and twice its standard error from blocks of it.
+    pub fn time_for(&self, amount: f64) -> Option<(f64, f64)> {
+        let (first, last) = (self.course.first()?, self.course.last()?);
+        let from = last.wall_time - TELLING_SHARE * (last.wall_time - first.wall_time);
+        let begin = self.course.partition_point(|mark| mark.wall_time < from);
+        let telling = &self.course[begin.saturating_sub(1)..];
+        let rate =
+            |one: &Mark, other: &Mark| (other.time - one.time) / (other.wall_time - one.wall_time);
+        let mean = rate(telling.first()?, last);
+        if !(mean > 0.0) {
+            return None; // also for a single mark
+        }
+        let stretch = telling.len().div_ceil(BLOCKS).max(1);
+        let ends: Vec<&Mark> = telling.iter().step_by(stretch).collect();
+        let rates: Vec<f64> = ends.windows(2).map(|ends| rate(ends[0], ends[1])).collect();
+        let count = rates.len() as f64;
+        let spread = if rates.len() < FEWEST_BLOCKS {
+            VAGUE * mean
+        } else {
+            let squares: f64 = rates.iter().map(|rate| (rate - mean) * (rate - mean)).sum();
+            (2.0 * (squares / (count * (count - 1.0))).sqrt()).min(VAGUE * mean)
         };
-        let slowest = stretches().fold(rate, f64::min);
-        let fastest = stretches().fold(rate, f64::max);
-        (slowest > 0.0).then(|| ((until - time) / fastest, (until - time) / slowest))
+        Some((amount / (mean + spread), amount / (mean - spread)))
     }
 }
 
@@ -142,8 +186,53 @@ mod tests {
             );
         }
         assert_eq!(meter.rates(), Some((0.5, 10.0)));
-        assert_eq!(meter.time_left(50.0, 60.0), Some((20.0, 20.0)));
+        assert_eq!(meter.time_for(10.0), Some((20.0, 20.0)));
         assert_eq!(meter.wall_time(), 100.0);
+    }
+
+    /// Runs to time 1 at a rate that changes with the wall time, and looks at the estimates on the way.
+    fn estimates(rate: impl Fn(f64) -> f64) -> Vec<(f64, f64, f64)> {
+        let (mut meter, mut time, mut seen) = (Meter::default(), 0.0, Vec::new());
+        while time < 1.0 {
+            time += 0.01 * rate(meter.wall_time());
+            meter.ran(Duration::from_millis(10), time, 0);
+            let left = meter.time_for(1.0 - time);
+            seen.extend(left.map(|(low, high)| (meter.wall_time(), low, high)));
+        }
+        seen
+    }
+
+    #[test]
+    fn the_estimate_is_right_once_a_tenth_is_done_and_does_not_jump() {
+        // Noise of 20 % from slice to slice, a slow start, and a slow change of the pace.
+        let noise = |wall: f64| 0.2 * (wall * 7919.0).sin();
+        let courses: [fn(f64) -> f64; 3] = [
+            |_| 1.0,
+            |wall| if wall < 2.0 { 0.3 } else { 1.0 },
+            |wall| 1.0 - 0.1 * (wall / 400.0).min(1.0),
+        ];
+        for course in courses {
+            let seen = estimates(|wall| (course(wall) + noise(wall)) / 400.0);
+            let end = seen.last().expect("estimates").0;
+            let settled = seen
+                .iter()
+                .filter(|(wall, ..)| *wall > 0.1 * end && *wall < 0.98 * end);
+            let middle = |(_, low, high): &(f64, f64, f64)| f64::midpoint(*low, *high);
+            let mut errors: Vec<f64> = (settled.clone())
+                .map(|one| (middle(one) / (end - one.0) - 1.0).abs())
+                .collect();
+            errors.sort_by(f64::total_cmp);
+            assert!(
+                errors[errors.len() / 2] < 0.05,
+                "{}",
+                errors[errors.len() / 2]
+            );
+            let all: Vec<_> = settled.collect();
+            for pair in all.windows(2) {
+                let jump = middle(pair[1]) / middle(pair[0]) - 1.0;
+                assert!(jump.abs() < 0.1, "{jump} at {}", pair[0].0);
+            }
+        }
     }
 
     #[test]

@@ -9,6 +9,7 @@ use super::echo::{EchoWatch, horizon};
 use super::measure::{self, Pressures, Settled, Survey};
 use super::observables::Known;
 use super::pace::{Meter, Slices};
+use super::past::Past;
 use super::saved::{Origin, SavedRun, Totals};
 use super::writer::Writer;
 use super::{Options, Slot};
@@ -57,6 +58,12 @@ impl Setting {
             origin,
             options,
         }
+    }
+
+    /// When the next checkpoint is due; a pause without end is one of a century.
+    fn next_checkpoint(&self) -> Instant {
+        const CENTURY: Duration = Duration::from_secs(100 * 365 * 86_400);
+        Instant::now() + self.options.checkpoint_every.min(CENTURY)
     }
 
     /// The snapshot of a run that has not begun.
@@ -115,6 +122,10 @@ struct Run<'a> {
     /// Simulated time of the newest checkpoint, written or on its way to the disk.
     saved_at: Option<f64>,
     notice: Option<String>,
+    /// The past that somebody asked for.
+    past: Option<Past>,
+    /// How many of the reversals that are to be run again have been.
+    turned: usize,
     setup_time_s: f64,
     sequence: u64,
     published: Instant,
@@ -163,6 +174,7 @@ pub fn run(
             run.target = saved.time;
             run.limit_anchor.1 = saved.time;
             run.saved_at = Some(saved.time);
+            run.checkpoint_due = setting.next_checkpoint();
             run
         }
     };
@@ -221,9 +233,11 @@ impl<'a> Run<'a> {
             step_until: None,
             target: 0.0,
             writer: setting.options.directory.clone().map(Writer::start),
-            checkpoint_due: now + setting.options.checkpoint_every,
+            checkpoint_due: now, // from the start on there is one to go back to
             saved_at: None,
             notice: None,
+            past: None,
+            turned: 0,
             setup_time_s: 0.0,
             sequence: 0,
             published: now,
@@ -233,6 +247,7 @@ impl<'a> Run<'a> {
     fn go(&mut self) {
         loop {
             self.save_if_due();
+            self.show_past();
             while let Ok(command) = self.inbox.try_recv() {
                 if self.obey(command).is_break() {
                     return;
@@ -267,7 +282,8 @@ impl<'a> Run<'a> {
     fn wait_for(&self) -> Option<Duration> {
         const LONG: Duration = Duration::from_secs(1);
         if self.phase == Phase::Paused {
-            return Some(LONG);
+            let news = self.past.as_ref().is_some_and(Past::is_on_its_way);
+            return Some(if news { SNAPSHOT_EVERY } else { LONG });
         }
         let (since, from) = self.limit_anchor;
         let ahead = (self.time() - from) / self.limit? - since.elapsed().as_secs_f64();
@@ -293,13 +309,7 @@ impl<'a> Run<'a> {
                     Some(((self.time() / sample * (1.0 + 1e-12)).floor() + 1.0) * sample);
             }
             Command::Reverse => {
-                self.engine.reverse();
-                self.observer.ledger.reverse(self.engine.state());
-                if let Some(on_demand) = &mut self.on_demand {
-                    on_demand.reverse(self.engine.state());
-                }
-                self.reversals.push(self.time());
-                self.echo.turn(self.time());
+                self.reverse();
             }
             Command::LimitTimeRate(limit) => {
                 self.limit = limit;
@@ -314,6 +324,7 @@ impl<'a> Run<'a> {
                 }
                 self.save_if_due();
             }
+            Command::Goto(time) => self.past = time.and_then(|time| self.go_back(time)),
             Command::Watch(watched) => self.watched = watched,
         }
         self.publish(None);
@@ -344,6 +355,7 @@ impl<'a> Run<'a> {
             Some(next_row),
             self.step_until,
             self.echo.back_at(),
+            self.setting.options.reversals.get(self.turned).copied(),
             self.setting.options.until,
         ];
         let target = stops.into_iter().flatten().fold(time + length, f64::min);
@@ -354,6 +366,11 @@ impl<'a> Run<'a> {
         self.meter
             .ran(spent, self.time(), self.engine.counters().pair_collisions);
 
+        let turn = self.setting.options.reversals.get(self.turned);
+        if turn.is_some_and(|&turn| target >= turn) {
+            self.turned += 1;
+            self.reverse();
+        }
         if self.echo.back_at().is_some_and(|back| target >= back) {
             self.engine.settle();
             self.echo.arrive(self.engine.state());
@@ -368,6 +385,12 @@ impl<'a> Run<'a> {
         if at_row {
             self.rows += 1;
             self.write_row();
+            let wanted = self.setting.options.until_error;
+            if wanted
+                .is_some_and(|wanted| self.pressure_error().is_some_and(|error| error <= wanted))
+            {
+                return Ok(ControlFlow::Break(()));
+            }
         }
         if self.meter.wall_time() >= self.history_due {
             self.history_due = self.meter.wall_time() + HISTORY_EVERY_S;
@@ -387,6 +410,70 @@ impl<'a> Run<'a> {
         Ok(ControlFlow::Continue(()))
     }
 
+    fn reverse(&mut self) {
+        self.engine.reverse();
+        self.observer.ledger.reverse(self.engine.state());
+        if let Some(on_demand) = &mut self.on_demand {
+            on_demand.reverse(self.engine.state());
+        }
+        self.reversals.push(self.time());
+        self.echo.turn(self.time());
+    }
+
+    /// Starts on the way to a past moment, if there is one and a checkpoint before it.
+    fn go_back(&mut self, time: f64) -> Option<Past> {
+        let refuse = |run: &mut Self, why: &str| {
+            run.notice = Some(format!("no way back: {why}"));
+            None
+        };
+        if !(0.0..=self.time()).contains(&time) {
+            return refuse(self, "the run has not been there");
+        }
+        let Some(directory) = self.setting.options.directory.clone() else {
+            return refuse(self, "the run has no directory for checkpoints");
+        };
+        self.notice = None;
+        Some(Past::start(
+            directory,
+            time,
+            &self.slot.get(),
+            self.reversals.clone(),
+        ))
+    }
+
+    /// Publishes what has become of the past, while the run itself has no news.
+    fn show_past(&mut self) {
+        let shown = self.slot.get();
+        let news = |past: &Past| {
+            let latest = past.latest();
+            (shown.past.as_ref()).is_none_or(|shown| shown.sequence != latest.sequence)
+        };
+        if self.published.elapsed() >= SNAPSHOT_EVERY && self.past.as_ref().is_some_and(news) {
+            self.publish(None);
+        }
+    }
+
+    /// Share of the pressure that its standard error is.
+    fn pressure_error(&self) -> Option<f64> {
+        let pressure = Settled::of(self.engine.state(), &self.observer).pressure;
+        let value = pressure
+            .wall
+            .or(pressure.virial)
+            .filter(|value| *value > 0.0);
+        value
+            .zip(pressure.standard_error)
+            .map(|(value, error)| error / value)
+    }
+
+    /// Wall seconds until the standard error of the pressure, now `error`, is `wanted`: it falls with the root of the time.
+    fn time_to_error(&self, error: Option<f64>) -> Option<(f64, f64)> {
+        let share = error? / self.setting.options.until_error?;
+        let missing = (self.time() * (share * share - 1.0)).max(0.0);
+        let (low, high) = self.meter.time_for(missing)?;
+        // An error from some sixty blocks is itself known to a tenth, its square to a fifth.
+        Some((0.8 * low, 1.25 * high))
+    }
+
     /// Writes a checkpoint, if one is due and the one before is on the disk.
     fn save_if_due(&mut self) {
         let time = self.time();
@@ -394,7 +481,7 @@ impl<'a> Run<'a> {
         {
             return;
         }
-        self.checkpoint_due = Instant::now() + self.setting.options.checkpoint_every;
+        self.checkpoint_due = self.setting.next_checkpoint();
         if self.saved_at == Some(time) {
             return; // nothing has happened since
         }
@@ -636,6 +723,7 @@ impl<'a> Run<'a> {
         let temperature = self.temperature();
         let rates = self.meter.rates().filter(|_| self.phase == Phase::Running);
         let pair_rate = settled.pair_rate.filter(|_| counters.pair_collisions > 0);
+        let pressure_error = self.pressure_error();
         let pressure = settled.pressure.wall.or(settled.pressure.virial);
         self.slot.put(Snapshot {
             sequence: self.sequence,
@@ -651,7 +739,10 @@ impl<'a> Run<'a> {
                 .setting
                 .options
                 .until
-                .and_then(|until| self.meter.time_left(time, until)),
+                .and_then(|until| self.meter.time_for(until - time)),
+            until_error: self.setting.options.until_error,
+            pressure_error,
+            error_left_s: self.time_to_error(pressure_error),
             counts: measure::counts(&counters),
             temperature,
             kinetic_energy: self.survey.kinetic_energy,
@@ -679,6 +770,7 @@ impl<'a> Run<'a> {
             speeds: self.survey.speeds.clone(),
             queue_length: self.engine.queue_length() as u64,
             queue_length_max: counters.queue_length_max,
+            past: self.past.as_ref().map(Past::latest),
             last_checkpoint: self.writer.as_ref().and_then(Writer::written),
             notice: (self.writer.as_ref().and_then(Writer::trouble))
                 .or_else(|| self.notice.clone()),

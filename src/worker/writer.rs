@@ -5,6 +5,7 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 
+use super::past;
 use super::saved::SavedRun;
 use crate::checkpoint;
 
@@ -34,6 +35,11 @@ impl Writer {
                 let time = run.time;
                 let stored =
                     checkpoint::store(&directory, |writer| run.write(writer)).map(|()| time);
+                if stored.is_ok()
+                    && let Err(error) = past::keep(&directory, time)
+                {
+                    tracing::warn!("checkpoint for the way back: {error}");
+                }
                 drop(run);
                 let mut progress = lock(&shared);
                 progress.busy = false;

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use super::echo::{EchoWatch, horizon};
-use super::measure::{self, Named, Pressures, Settled, Survey};
+use super::measure::{self, Named, Pictures, Pressures, Settled, Survey};
 use super::pace::{Meter, Slices};
 use super::{Options, Slot};
 use crate::engine::{Engine, Stuck};
@@ -101,6 +101,7 @@ struct Run<'a> {
     phase: Phase,
     reversed: bool,
     watched: bool,
+    pictures: Pictures,
     limit: Option<f64>,
     /// Where the limit on the rate counts from.
     limit_anchor: (Instant, f64),
@@ -147,6 +148,7 @@ pub fn run(
         phase: Phase::Running,
         reversed: false,
         watched: false,
+        pictures: Pictures::default(),
         limit: None,
         limit_anchor: (Instant::now(), 0.0),
         step_until: None,
@@ -428,6 +430,13 @@ impl Run<'_> {
     }
 
     fn publish(&mut self, state_hash: Option<u64>) {
+        let running = self.phase == Phase::Running;
+        let sample = self.watched.then(|| {
+            let (state, setting) = (self.engine.state(), self.setting);
+            (self.pictures).sample(running, || {
+                measure::sample(state, &setting.sampled, &setting.names)
+            })
+        });
         self.sequence += 1;
         self.published = Instant::now();
         let card = &self.setting.card;
@@ -491,13 +500,7 @@ impl Run<'_> {
                 .map(|ball| ball.at(state, temperature.filter(|_| !self.reversed), time))
                 .collect(),
             history: Arc::clone(&self.history),
-            sample: self.watched.then(|| {
-                Arc::new(measure::sample(
-                    state,
-                    &self.setting.sampled,
-                    &self.setting.names,
-                ))
-            }),
+            sample,
             ..self.setting.first_snapshot()
         });
     }

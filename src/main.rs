@@ -1,10 +1,10 @@
 //! The `moltop` program: arguments to a task, a task to an exit code.
 
 use std::fs;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::{CommandFactory, Parser};
 use moltop::check::Report;
@@ -53,6 +53,13 @@ fn main() -> ExitCode {
             print(&text)
         }
         Some(Command::Man) => man(),
+        Some(Command::Screenshot {
+            options,
+            size,
+            after,
+            svg,
+            screen,
+        }) => screenshot(&options, size, after, svg.as_ref(), screen, program_start),
         Some(Command::Config { check, file }) => config(check, file),
     };
     match done {
@@ -88,7 +95,6 @@ fn run(options: &RunOptions, yes: bool, program_start: Instant) -> Result<u8> {
 
 /// Starts a run in a process of its own, and watches it.
 fn start_and_watch(screen: tui::Options) -> Result<u8> {
-    needs_terminal()?;
     let screen = &screen.with_settings()?;
     match run_process::start()? {
         Started::Run(run) => watch(&run, Access::Watcher, screen),
@@ -97,7 +103,6 @@ fn start_and_watch(screen: tui::Options) -> Result<u8> {
 }
 
 fn attach(run: Option<&str>, read_only: bool, screen: tui::Options) -> Result<u8> {
-    needs_terminal()?;
     let screen = &screen.with_settings()?;
     let run = run.map_or_else(Found::newest, Found::by_name)?;
     let access = if read_only {
@@ -138,7 +143,6 @@ fn watch(run: &Found, access: Access, screen: &tui::Options) -> Result<u8> {
 
 /// Runs and watches in one process.
 fn watch_here(options: &RunOptions, screen: tui::Options, program_start: Instant) -> Result<u8> {
-    needs_terminal()?;
     let screen = &screen.with_settings()?;
     let prepared = Prepared::new(options)?;
     let signals = Signals::listen()?;
@@ -161,17 +165,6 @@ fn experiment(what: &Experiment) -> Result<u8> {
         Experiment::Queue(options) => queue::run(options),
         Experiment::Gas(options) => gas::run(options),
     }
-}
-
-fn needs_terminal() -> Result<()> {
-    let dumb = std::env::var_os("TERM").is_some_and(|kind| kind == "dumb");
-    if io::stdout().is_terminal() && !dumb {
-        return Ok(());
-    }
-    let kind = if dumb { " that is not dumb" } else { "" };
-    Err(Error::Usage(format!(
-        "the dashboard needs a terminal{kind}: `moltop run SCENE` needs none"
-    )))
 }
 
 fn check(scene: Option<&PathBuf>, json: bool) -> Result<u8> {
@@ -239,6 +232,29 @@ fn man() -> Result<u8> {
         .expect("memory takes all");
     text.extend(tui::keys::manual().bytes());
     print(&text)
+}
+
+/// Runs a scene for a while and prints its dashboard.
+fn screenshot(
+    options: &RunOptions,
+    size: (u16, u16),
+    after: f64,
+    svg: Option<&PathBuf>,
+    screen: tui::Options,
+    program_start: Instant,
+) -> Result<u8> {
+    let screen = screen.with_settings()?;
+    let target = svg
+        .map(|path| Target::new(path, options.force))
+        .transpose()?;
+    let run = Prepared::new(options)?.start_without_directory(program_start)?;
+    let shot = tui::screenshot(&run.feed(), &screen, size, Duration::from_secs_f64(after));
+    run.finish(Exit::Quit);
+    if let Some(target) = target {
+        let picture = tui::copy::svg(&shot, screen.theme());
+        target.write(|writer| writer.write_all(picture.as_bytes()))?;
+    }
+    print(tui::copy::text(&shot).as_bytes())
 }
 
 /// Prints a template of the dashboard's settings, or looks for faults in a file.

@@ -11,9 +11,9 @@ use crate::error::{Error, Result};
 use crate::feed::message::Ending;
 use crate::feed::server::Server;
 use crate::feed::{Command, Feed};
-use crate::output::{SeriesWriter, Target, write_history, write_state};
+use crate::output::{SeriesWriter, Target, write_history, write_observed, write_state};
 use crate::run_directory::{self, RunDirectory};
-use crate::scene::Scene;
+use crate::scene::{Scene, observe};
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
 use crate::worker::engines::{Choice, Wishes};
@@ -67,6 +67,10 @@ impl Prepared {
         scene.seed = options.seed.unwrap_or(scene.seed);
         scene.until = options.until.or(scene.until);
         scene.sample = options.sample.unwrap_or(scene.sample);
+        scene.observe.add(&options.observe);
+        if let Some(why) = observe::refusal(&scene) {
+            return Err(Error::Usage(format!("--observe {why}")));
+        }
         let placement = scene.place()?;
         let wishes = Wishes {
             engine: options.engine.unwrap_or(scene.engine),
@@ -110,6 +114,18 @@ impl Prepared {
                 None
             }
         };
+        self.start_in(directory, program_start)
+    }
+
+    /// Starts the engine of a run that leaves nothing behind but the outputs that were asked for.
+    ///
+    /// # Errors
+    /// [`Error::File`] when the series cannot be opened any more.
+    pub fn start_without_directory(self, program_start: Instant) -> Result<Run> {
+        self.start_in(None, program_start)
+    }
+
+    fn start_in(self, directory: Option<RunDirectory>, program_start: Instant) -> Result<Run> {
         let Outputs {
             summary,
             series,
@@ -230,6 +246,13 @@ impl Run {
                     "the engine failed, so there is no state to write".to_owned(),
                 )),
             });
+        }
+        for observed in outcome.snapshot.observables.iter() {
+            let target = (self.directory.as_ref())
+                .map(|found| found.target(&format!("{}.csv", observed.name)));
+            written.extend(
+                target.map(|target| target.write(|writer| write_observed(writer, observed))),
+            );
         }
         let history = &outcome.snapshot.history;
         let of_run = (self.directory.as_ref()).map(|found| found.target(run_directory::HISTORY));

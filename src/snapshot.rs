@@ -4,6 +4,7 @@
 //! not exist yet is `None`, never zero or NaN.
 
 mod accuracy;
+mod observables;
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -11,6 +12,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 pub use accuracy::Check;
+pub use observables::{Column, Figure, Observed, by_name};
 
 pub use crate::history::{History, Observable, Range, Stretch};
 
@@ -279,6 +281,9 @@ pub struct Snapshot {
     pub state_hash: Option<u64>,
     /// The balls that the scene names.
     pub named: Vec<NamedBall>,
+    /// What the scene asks to be observed, refreshed every few seconds.
+    #[serde(skip)]
+    pub observables: Arc<Vec<Observed>>,
     /// The run's history, in constant memory.
     #[serde(skip)]
     pub history: Arc<History>,
@@ -326,6 +331,7 @@ impl Snapshot {
             peak_rss_bytes: None,
             state_hash: None,
             named: Vec::new(),
+            observables: Arc::default(),
             history: Arc::default(),
             sample: None,
         }

@@ -15,6 +15,7 @@ pub mod link;
 pub mod options;
 pub mod pace;
 pub mod picture;
+pub mod plain;
 pub mod receipt;
 pub mod span;
 pub mod suspension;
@@ -71,6 +72,9 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// # Errors
 /// When standard output is no terminal, or the terminal refuses.
 pub fn run(feed: &dyn Feed, access: Access, stop: &AtomicBool, options: &Options) -> Result<Leave> {
+    if options.plain || !plain::can_draw() {
+        return plain::run(feed, access, stop, options);
+    }
     let mut screen = Screen::take(options.palette(), options.mouse())?;
     feed.send(Command::Watch(true));
     let left = Watcher::new(feed, access, options).watch(stop, &mut screen);
@@ -242,4 +246,25 @@ impl<'a> Watcher<'a> {
             None => {}
         }
     }
+}
+
+/// The dashboard of a run as it stands after some time, in a window of a size: for pictures.
+pub fn screenshot(feed: &dyn Feed, options: &Options, size: (u16, u16), after: Duration) -> Buffer {
+    let mut app = App::new(feed.latest(), options.is_ascii());
+    app.keymap = options.config.keymap.clone();
+    feed.send(Command::Watch(true));
+    let start = Instant::now();
+    while start.elapsed() < after {
+        std::thread::sleep(TICK);
+        let newest = feed.latest();
+        if newest.sequence != app.latest.sequence {
+            app.observe(newest);
+        }
+    }
+    feed.send(Command::Watch(false));
+    app.refresh(true);
+    let area = Rect::new(0, 0, size.0, size.1);
+    let mut screen = Buffer::empty(area);
+    view::draw(&app, area, &mut screen);
+    screen
 }

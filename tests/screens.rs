@@ -333,14 +333,41 @@ fn no_size_and_no_key_ends_in_a_panic() {
         App::new(Arc::new(hostile()), false),
         failed,
     ];
+    // MOLTOP_EVERY_SIZE=1 cargo test --test screens no_size: all of them, which takes minutes.
+    let every = std::env::var_os("MOLTOP_EVERY_SIZE").is_some();
+    let (across, down) = if every { (1, 1) } else { (7, 9) };
     for mut app in apps {
-        for width in (0..=250).step_by(7).chain([1, 39, 40, 79, 80, 81]) {
-            for height in (0..=80).step_by(9).chain([1, 2, 11, 12, 23, 24]) {
+        for width in (0..=250).step_by(across).chain([1, 39, 40, 79, 80, 81]) {
+            for height in (0..=80).step_by(down).chain([1, 2, 11, 12, 23, 24]) {
                 let area = Rect::new(0, 0, width, height);
                 view::draw(&app, area, &mut Buffer::empty(area));
                 press(&mut app, keys[random.next() as usize % keys.len()]);
             }
         }
+    }
+}
+
+#[test]
+fn every_state_in_every_character_set() {
+    let frozen = {
+        let mut app = watching(&Phase::Running, false);
+        press(&mut app, KeyCode::Char('f'));
+        app
+    };
+    let states = [
+        ("starting", App::new(Arc::new(starting(oxygen())), false)),
+        ("running", watching(&Phase::Running, false)),
+        ("paused", watching(&Phase::Paused, false)),
+        ("reversed", watching(&Phase::Running, true)),
+        ("frozen", frozen),
+        ("failed", watching(&Phase::Failed("a bug".into()), false)),
+        ("finished", watching(&Phase::Finished, false)),
+    ];
+    for (name, mut app) in states {
+        golden(&format!("state_{name}"), &app, 132, 43);
+        app.ascii = true;
+        golden(&format!("state_{name}_ascii"), &app, 80, 24);
+        assert!(screen(&app, 200, 60).is_ascii());
     }
 }
 

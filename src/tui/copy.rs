@@ -81,10 +81,14 @@ pub fn svg(screen: &Buffer, theme: Theme) -> String {
             } else {
                 ""
             };
+            // Each letter has its place, whatever font it comes from.
+            let places: Vec<String> = (0..run.len())
+                .map(|index| format!("{:.1}", x + CELL.0 * index as f64))
+                .collect();
             let _ = writeln!(
                 text,
-                "<text x=\"{x:.1}\" y=\"{:.1}\" fill=\"{fill}\"{weight} textLength=\"{length:.1}\" \
-                 lengthAdjust=\"spacingAndGlyphs\" xml:space=\"preserve\">{}</text>",
+                "<text x=\"{}\" y=\"{:.1}\" fill=\"{fill}\"{weight} xml:space=\"preserve\">{}</text>",
+                places.join(" "),
                 y + 13.0,
                 escaped(&symbols)
             );

@@ -190,7 +190,7 @@ pub const KEYS: &[Binding] = &[
         ],
         short: "zoom",
         help: "enlarge or shrink the picture (or the wheel)",
-        rank: 6,
+        rank: 11,
     },
     Binding {
         entries: &[entry(Action::SwitchView, "view", &[key('v')])],
@@ -317,7 +317,7 @@ pub const KEYS: &[Binding] = &[
         entries: &[entry(Action::Detach, "detach", &[key('d')])],
         short: "detach",
         help: "leave, and let the run go on (also Ctrl-C)",
-        rank: 11,
+        rank: 6,
     },
     Binding {
         entries: &[entry(Action::Quit, "quit", &[key('q')])],

@@ -1,5 +1,7 @@
 //! How the dashboard is to look and how much it may send: options of the watcher, not of the run.
 
+use std::time::Duration;
+
 use clap::Args;
 use clap::builder::FalseyValueParser;
 
@@ -32,6 +34,12 @@ pub struct Options {
     /// Pictures of the gas per second at the most [default: 1]
     #[arg(long, value_name = "N", env = "MOLTOP_PICTURES_PER_S", value_parser = pictures)]
     pub pictures_per_s: Option<f64>,
+    /// Plain lines instead of a dashboard; the default where there is no terminal, or a dumb one
+    #[arg(long, env = "MOLTOP_PLAIN", value_parser = FalseyValueParser::new())]
+    pub plain: bool,
+    /// Seconds between two plain lines [default: 10]
+    #[arg(long, value_name = "S", env = "MOLTOP_PLAIN_EVERY", value_parser = seconds)]
+    pub plain_every: Option<f64>,
     /// Leave the mouse to the terminal
     #[arg(long, env = "MOLTOP_NO_MOUSE", value_parser = FalseyValueParser::new())]
     pub no_mouse: bool,
@@ -47,7 +55,19 @@ fn pictures(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
+fn seconds(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.05..=86_400.0).contains(&seconds) => Ok(seconds),
+        _ => Err("must be a number of seconds from 0.05 to 86400".to_owned()),
+    }
+}
+
 impl Options {
+    /// Time between two plain lines.
+    pub fn line_every(&self) -> Duration {
+        Duration::from_secs_f64(self.plain_every.unwrap_or(10.0))
+    }
+
     /// Takes in the user's settings.
     ///
     /// # Errors

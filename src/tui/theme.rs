@@ -159,6 +159,31 @@ pub fn to_ascii(buffer: &mut Buffer) {
     }
 }
 
+/// The same for a line of text.
+pub fn text_in_ascii(text: &str) -> String {
+    let stand_in = |letter: char| {
+        if letter == '±' {
+            return "+-".to_owned();
+        }
+        let known = STAND_INS
+            .iter()
+            .find(|(letters, _)| letters.contains(letter));
+        known.map_or_else(
+            || braille_stand_in(letter.encode_utf8(&mut [0; 4])).to_owned(),
+            |(_, stand_in)| (*stand_in).to_owned(),
+        )
+    };
+    text.chars()
+        .map(|letter| {
+            if letter.is_ascii() {
+                letter.to_string()
+            } else {
+                stand_in(letter)
+            }
+        })
+        .collect()
+}
+
 fn braille_stand_in(symbol: &str) -> &'static str {
     match symbol.chars().next() {
         Some('\u{2800}') => " ",
@@ -202,5 +227,6 @@ mod tests {
             .map(ratatui::buffer::Cell::symbol)
             .collect();
         assert_eq!(text, "1+-2 us ? ?-");
+        assert_eq!(text_in_ascii("1 ±2 µs 水é–"), "1 +-2 us ??-");
     }
 }

@@ -14,10 +14,13 @@ mod link;
 mod now;
 mod overlay;
 mod run;
+mod sentence;
 mod small;
 mod speeds;
 mod text;
 mod trust;
+
+pub use sentence::sentence;
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Constraint, Layout, Rect};

@@ -7,15 +7,17 @@ use std::time::{Duration, Instant};
 
 use super::echo::{EchoWatch, horizon};
 use super::measure::{self, Named, Pressures, Settled, Survey};
+use super::observables::{Known, Plan};
 use super::pace::{Meter, Slices};
 use super::{Options, Slot};
 use crate::engine::{Engine, Stuck};
 use crate::feed::Command;
 use crate::history::{History, Observable, Stretch};
 use crate::observe::Observer;
+use crate::observe::on_demand::OnDemand;
 use crate::scene::Scene;
 use crate::scene::analysis::Theory;
-use crate::snapshot::{Expected, Phase, SceneCard, SeriesRow, Snapshot};
+use crate::snapshot::{Expected, Observed, Phase, SceneCard, SeriesRow, Snapshot};
 use crate::state::{Placement, State};
 
 /// Wall time between two snapshots.
@@ -43,6 +45,7 @@ pub struct Setting {
     names: Vec<String>,
     named: Vec<Named>,
     sampled: Vec<u32>,
+    plan: Option<Plan>,
     options: Options,
 }
 
@@ -55,6 +58,7 @@ impl Setting {
             theory: Theory::new(placement, scene.units),
             sampled: measure::sampled_balls(placement.positions.len(), &named),
             named: Named::all(scene, placement),
+            plan: Plan::new(scene, placement),
             names: named.into_iter().map(|(name, _)| name).collect(),
             options,
         }
@@ -86,6 +90,9 @@ struct Run<'a> {
     slot: &'a Slot,
     engine: Box<dyn Engine>,
     observer: Observer,
+    on_demand: Option<OnDemand>,
+    observables: Arc<Vec<Observed>>,
+    observables_due: Instant,
     pressures: Pressures,
     echo: EchoWatch,
     survey: Survey,
@@ -132,6 +139,9 @@ pub fn run(
         inbox,
         slot,
         observer,
+        on_demand: (setting.plan.as_ref()).map(|plan| plan.observers(engine.state())),
+        observables: Arc::default(),
+        observables_due: Instant::now(),
         echo: EchoWatch::new(engine.state()),
         pressures: Pressures::of(engine.state()),
         slices: Slices::new(FIRST_SLICE * engine.state().units.time),
@@ -160,6 +170,7 @@ pub fn run(
     run.write_history();
     run.engine.settle();
     run.survey = Survey::of(run.engine.state(), &run.observer);
+    run.evaluate_observables();
     run.publish(Some(run.engine.state().hash()));
     let state = run.engine.state();
     (state.placement(), state.collisions.clone())
@@ -235,6 +246,9 @@ impl Run<'_> {
             Command::Reverse => {
                 self.engine.reverse();
                 self.observer.ledger.reverse(self.engine.state());
+                if let Some(on_demand) = &mut self.on_demand {
+                    on_demand.reverse(self.engine.state());
+                }
                 self.reversed = !self.reversed;
                 self.echo.turn(self.time());
             }
@@ -277,10 +291,7 @@ impl Run<'_> {
         ];
         let target = stops.into_iter().flatten().fold(time + length, f64::min);
         self.target = target;
-        let observer = &mut self.observer;
-        let until = self.engine.state().units.instant(target);
-        self.engine
-            .advance(until, &mut |collision| observer.record(collision))?;
+        self.run_to(target)?;
         let spent = began.elapsed();
         self.slices.learn(self.time() - time, spent);
         self.meter
@@ -293,6 +304,9 @@ impl Run<'_> {
         let at_row = target >= next_row;
         if at_row || began >= self.survey_due {
             self.look_at_every_ball();
+        }
+        if self.on_demand.is_some() && began >= self.observables_due {
+            self.evaluate_observables();
         }
         if at_row {
             self.rows += 1;
@@ -314,6 +328,62 @@ impl Run<'_> {
             self.publish(None);
         }
         Ok(ControlFlow::Continue(()))
+    }
+
+    /// Advances the gas, and shows it to the observers on demand at their instants, wherever slices end.
+    fn run_to(&mut self, target: f64) -> Result<(), Stuck> {
+        let units = self.engine.state().units;
+        let observer = &mut self.observer;
+        let Some((plan, on_demand)) = self.setting.plan.as_ref().zip(self.on_demand.as_mut())
+        else {
+            let until = units.instant(target);
+            return (self.engine).advance(until, &mut |collision| observer.record(collision));
+        };
+        loop {
+            let due = on_demand.looks as f64 * plan.every();
+            let until = units.instant(due.min(target));
+            if on_demand.wants_collisions() {
+                self.engine.advance(until, &mut |collision| {
+                    observer.record(collision);
+                    on_demand.record(collision);
+                })?;
+            } else {
+                (self.engine).advance(until, &mut |collision| observer.record(collision))?;
+            }
+            if due > target {
+                return Ok(());
+            }
+            on_demand.look(self.engine.state());
+        }
+    }
+
+    /// Makes figures and tables of what the observers on demand have found.
+    fn evaluate_observables(&mut self) {
+        let Some((plan, on_demand)) = self.setting.plan.as_ref().zip(self.on_demand.as_ref())
+        else {
+            return;
+        };
+        let began = Instant::now();
+        let state = self.engine.state();
+        let settled = Settled::of(state, &self.observer);
+        let balls = self.setting.card.ball_count as f64;
+        let volume: f64 = self.setting.card.size.iter().product();
+        let energy = self.survey.thermal_energy.map(|energy| balls * energy);
+        let bulk = settled
+            .pressure
+            .virial
+            .filter(|_| settled.pressure.wall.is_none());
+        let known = Known {
+            temperature: self.temperature(),
+            collision_rate: (settled.pair_rate)
+                .map(|rate| 2.0 * rate / balls)
+                .filter(|rate| *rate > 0.0),
+            compressibility_factor: bulk
+                .zip(energy)
+                .map(|(pressure, energy)| pressure * volume / energy),
+        };
+        self.observables = Arc::new(plan.results(on_demand, state, known));
+        self.observables_due = Instant::now() + survey_pause(began.elapsed());
     }
 
     fn look_at_every_ball(&mut self) {
@@ -490,6 +560,7 @@ impl Run<'_> {
                 .iter()
                 .map(|ball| ball.at(state, temperature.filter(|_| !self.reversed), time))
                 .collect(),
+            observables: Arc::clone(&self.observables),
             history: Arc::clone(&self.history),
             sample: self.watched.then(|| {
                 Arc::new(measure::sample(

@@ -15,7 +15,7 @@ use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
 use crate::history::{History, Observable};
-use crate::snapshot::SeriesRow;
+use crate::snapshot::{Observed, SeriesRow};
 use crate::state::Placement;
 
 /// Header of a series file.
@@ -86,6 +86,11 @@ impl Target {
             path,
             overwrite: true,
         }
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Writes the file whole.
@@ -198,6 +203,23 @@ fn table<W: Write>(writer: W) -> csv::Writer<W> {
     csv::WriterBuilder::new()
         .has_headers(false)
         .from_writer(writer)
+}
+
+/// Writes an observable's table; what does not exist is an empty cell.
+///
+/// # Errors
+/// What the writer answers.
+pub fn write_observed(writer: &mut dyn Write, observed: &Observed) -> io::Result<()> {
+    let mut table = table(writer);
+    let columns = &observed.columns;
+    table.write_record(columns.iter().map(|column| &column.name))?;
+    for row in 0..columns.first().map_or(0, |column| column.values.len()) {
+        let cells = columns
+            .iter()
+            .map(|column| column.values.get(row).copied().flatten());
+        table.serialize(cells.collect::<Vec<_>>())?;
+    }
+    table.flush()
 }
 
 /// Writes all balls at one instant; `collisions` has one entry per ball.

@@ -7,6 +7,7 @@ mod checks;
 mod contact_grid;
 mod format;
 mod memory;
+pub mod observe;
 mod placement;
 mod reader;
 mod region;
@@ -18,6 +19,7 @@ mod write;
 pub mod analysis;
 
 pub use memory::BYTES_PER_BALL;
+pub use seed_text::is_seed_text;
 pub use site::Cell;
 pub use table::Rows;
 
@@ -66,6 +68,8 @@ pub struct Scene {
     pub until: Option<f64>,
     /// Simulated time between two rows of the series.
     pub sample: f64,
+    /// What is measured on demand.
+    pub observe: observe::Observe,
     /// Balls that come in numbers, in the order of the file.
     pub species: Vec<Species>,
     /// Balls that the scene lists one by one; they come after all species.
@@ -259,6 +263,7 @@ impl Scene {
                 engine: EngineName::Auto,
                 until: None,
                 sample: format::default_sample(None, Some(Units::Reduced)),
+                observe: observe::Observe::default(),
                 species: Vec::new(),
                 balls: Vec::new(),
                 path: PathBuf::new(),
@@ -271,11 +276,6 @@ impl Scene {
             path: path.to_owned(),
             ..scene
         })
-    }
-
-    /// Whether it was read from the seed's text.
-    pub fn is_seed_text(&self) -> bool {
-        seed_text::is_seed_text(&self.source)
     }
 
     /// Whether the domain is a periodic box.

@@ -4,6 +4,7 @@
 //! not exist yet is `None`, never zero or NaN.
 
 mod accuracy;
+mod observables;
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -11,6 +12,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 pub use accuracy::Check;
+pub use observables::{Column, Figure, Observed, by_name};
 
 pub use crate::history::{History, Observable, Range, Stretch};
 
@@ -273,12 +275,19 @@ pub struct Snapshot {
     pub queue_length: u64,
     /// Most events ever in the queue.
     pub queue_length_max: u64,
+    /// Simulated time of the newest checkpoint on the disk.
+    pub last_checkpoint: Option<f64>,
+    /// What the user should know although the run goes on, such as a checkpoint that could not be written.
+    pub notice: Option<String>,
     /// Largest resident memory of the process so far.
     pub peak_rss_bytes: Option<u64>,
     /// Hash of time and state, synchronised; only in the last snapshot of a run.
     pub state_hash: Option<u64>,
     /// The balls that the scene names.
     pub named: Vec<NamedBall>,
+    /// What the scene asks to be observed, refreshed every few seconds.
+    #[serde(skip)]
+    pub observables: Arc<Vec<Observed>>,
     /// The run's history, in constant memory.
     #[serde(skip)]
     pub history: Arc<History>,
@@ -323,9 +332,12 @@ impl Snapshot {
             speeds: None,
             queue_length: 0,
             queue_length_max: 0,
+            last_checkpoint: None,
+            notice: None,
             peak_rss_bytes: None,
             state_hash: None,
             named: Vec::new(),
+            observables: Arc::default(),
             history: Arc::default(),
             sample: None,
         }

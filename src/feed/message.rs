@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::Command;
-use crate::snapshot::{History, Sample, SceneCard, Snapshot, Speeds, Stretch};
+use crate::snapshot::{History, Observed, Sample, SceneCard, Snapshot, Speeds, Stretch};
 
 /// Number of the messages' layout: both sides must have the same.
 ///
@@ -66,6 +66,7 @@ pub struct Frame {
     scene: Part<Arc<SceneCard>>,
     speeds: Part<Option<Arc<Speeds>>>,
     history: Grown,
+    observables: Part<Arc<Vec<Observed>>>,
     sample: Part<Option<Arc<Sample>>>,
 }
 
@@ -150,6 +151,11 @@ impl Frame {
                 part.as_ref().map(Arc::as_ptr)
             }),
             history: Grown::between(before, now),
+            observables: Part::between(
+                before.map(|it| &it.observables),
+                &now.observables,
+                Arc::as_ptr,
+            ),
             sample,
         }
     }
@@ -168,6 +174,7 @@ impl Frame {
             scene: self.scene.after(before.map(|it| &it.scene)),
             speeds: self.speeds.after(before.map(|it| &it.speeds)),
             history: self.history.after(before),
+            observables: self.observables.after(before.map(|it| &it.observables)),
             sample,
             ..self.small
         }

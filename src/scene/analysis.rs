@@ -8,7 +8,10 @@ mod brownian;
 mod bulk;
 mod choices;
 mod container;
+mod enskog;
 mod kinds;
+
+use serde::{Deserialize, Serialize};
 
 use std::f64::consts::PI;
 
@@ -20,6 +23,7 @@ use crate::state::{Body, Placement};
 
 pub use brownian::Brownian;
 pub use choices::choices;
+pub use enskog::{Enskog, free_flights};
 
 /// Fewer balls than this have no averages that theory could know.
 pub const FEWEST: usize = 10;
@@ -69,7 +73,7 @@ pub fn temperature(placement: &Placement, units: Units) -> Option<f64> {
 }
 
 /// Theory of one scene: all that does not depend on the temperature, computed once.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Theory {
     boltzmann: f64,
     /// Pressure over kT.

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::observe::Observe;
 use super::reader::Faults;
 use super::region::{Region, plane};
 use super::table::{FINITE, Limit, MASS, RADIUS};
@@ -28,7 +29,7 @@ const SHORTEST_BALL: u64 = 16;
 const MOST_FAULTS: usize = 20;
 
 /// Whether a text is the seed's rather than TOML: its first words are a section or numbers.
-pub(super) fn is_seed_text(text: &str) -> bool {
+pub fn is_seed_text(text: &str) -> bool {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let first = text
         .split(['\n', '\r'])
@@ -340,6 +341,7 @@ impl Contents {
             planes,
             until: None,
             sample: format::default_sample(None, Some(units)),
+            observe: Observe::default(),
             species: Vec::new(),
             balls: self.balls,
             path: path.to_owned(),

@@ -6,6 +6,8 @@
 //!
 //! Sources: Chapman & Cowling, The Mathematical Theory of Non-Uniform Gases; Uhlenbeck & Ornstein, Phys. Rev. 36, 823 (1930).
 
+use serde::{Deserialize, Serialize};
+
 use std::f64::consts::PI;
 
 use super::body;
@@ -18,7 +20,7 @@ use crate::state::Placement;
 const HEAVY: f64 = 20.0;
 
 /// Brownian motion of one ball.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Brownian {
     boltzmann: f64,
     mass: f64,
@@ -93,6 +95,20 @@ impl Brownian {
             2.0 * (steps - gone) - gone * gone
         };
         flight + 3.0 * energy / self.mass * relaxation * relaxation * spread
+    }
+
+    /// The same, averaged over all moments of a long run, at which it has any of its thermal speeds.
+    pub fn mean_square_displacement(&self, temperature: f64, time: f64) -> f64 {
+        let thermal = Self {
+            speed_squared: 3.0 * self.boltzmann * temperature / self.mass,
+            ..*self
+        };
+        thermal.displacement_squared(temperature, time)
+    }
+
+    /// Mass of the ball.
+    pub fn mass(&self) -> f64 {
+        self.mass
     }
 
     /// Time in which the ball forgets its velocity.

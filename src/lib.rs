@@ -48,6 +48,7 @@ pub mod quantity;
 pub mod run;
 pub mod run_directory;
 pub mod run_process;
+pub mod runs;
 pub mod scene;
 pub mod signals;
 pub mod snapshot;

@@ -3,7 +3,7 @@
 use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::{CommandFactory, Parser};
 use moltop::check::Report;
@@ -18,7 +18,8 @@ use moltop::headless;
 use moltop::output::Target;
 use moltop::run::{Prepared, load, say, tell};
 use moltop::run_directory::Found;
-use moltop::run_process::{self, Started};
+use moltop::run_process::{self, Started, logout};
+use moltop::runs;
 use moltop::signals::Signals;
 use moltop::summary::Exit;
 use moltop::tui::{self, Leave};
@@ -36,6 +37,17 @@ fn main() -> ExitCode {
             read_only,
             screen,
         }) => attach(run.as_deref(), read_only, &screen),
+        Some(Command::List { json }) => runs::list(json).and_then(|text| print(text.as_bytes())),
+        Some(Command::Status { run, json }) => {
+            runs::status(run.as_deref(), json).and_then(|text| print(text.as_bytes()))
+        }
+        Some(Command::Pause { run }) => runs::command(&run, feed::Command::Pause),
+        Some(Command::Resume { run }) => runs::command(&run, feed::Command::Resume),
+        Some(Command::Reverse { run }) => runs::command(&run, feed::Command::Reverse),
+        Some(Command::Stop { run, .. }) => stop(run.as_deref()),
+        Some(Command::Watch { run, jsonl, every }) => {
+            runs::watch(run.as_deref(), jsonl, Duration::from_secs_f64(every))
+        }
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
         Some(Command::Experiment(Experiment::Extremes(options))) => extremes::run(&options),
@@ -104,6 +116,17 @@ fn attach(run: Option<&str>, read_only: bool, screen: &tui::Options) -> Result<u
     watch(&run, access, screen)
 }
 
+/// Ends a run, or all that are going on.
+fn stop(run: Option<&str>) -> Result<u8> {
+    let runs = if let Some(run) = run {
+        vec![Found::by_name(run)?]
+    } else {
+        let all = Found::all()?;
+        all.into_iter().filter(Found::is_going_on).collect()
+    };
+    runs::stop(&runs)
+}
+
 /// Watches a run of another process until the user leaves it.
 fn watch(run: &Found, access: Access, screen: &tui::Options) -> Result<u8> {
     let signals = Signals::listen()?;
@@ -114,6 +137,9 @@ fn watch(run: &Found, access: Access, screen: &tui::Options) -> Result<u8> {
         say(&format!(
             "{name} goes on: `moltop attach {name}` watches it, `moltop stop {name}` ends it"
         ));
+        if let Some(warning) = logout::warning() {
+            say(&format!("moltop: warning: {warning}"));
+        }
     };
     match left? {
         Leave::Detach => goes_on(),
@@ -126,7 +152,7 @@ fn watch(run: &Found, access: Access, screen: &tui::Options) -> Result<u8> {
         Leave::HangUp => return Ok(Exit::Signal(SIGHUP).code()),
         Leave::Quit | Leave::Stopped => {
             feed.send(feed::Command::Stop);
-            return run_process::wait_for_end(run, &feed, &signals).map(|ending| tell(&ending));
+            return runs::wait_for_end(&feed, &signals).map(|ending| tell(&ending));
         }
     }
     Ok(0)

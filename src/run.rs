@@ -13,6 +13,7 @@ use crate::feed::server::Server;
 use crate::feed::{Command, Feed};
 use crate::output::{SeriesWriter, Target, write_state};
 use crate::run_directory::{self, RunDirectory};
+use crate::run_process::logout;
 use crate::scene::Scene;
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
@@ -149,6 +150,9 @@ fn open_directory(scene: &Scene, wish: Option<&Path>) -> Result<RunDirectory> {
     };
     (directory.target(file)).write(|writer| writer.write_all(scene.source.as_bytes()))?;
     tracing::info!(run = directory.name(), pid = std::process::id(), "started");
+    if let Some(warning) = logout::warning() {
+        tracing::warn!("{warning}");
+    }
     Ok(directory)
 }
 

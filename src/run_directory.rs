@@ -252,8 +252,9 @@ pub fn listed(runs: &[Found]) -> String {
     if runs.is_empty() {
         return "there is none; `moltop SCENE` starts one".to_owned();
     }
+    let verb = if runs.len() == 1 { "is" } else { "are" };
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
-    format!("there are {}", names.join(", "))
+    format!("there {verb} {}", names.join(", "))
 }
 
 /// Where the runs of this user are.

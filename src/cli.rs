@@ -6,7 +6,7 @@ use clap::builder::FalseyValueParser;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 
-use crate::experiment::extremes;
+use crate::experiment::{extremes, gas, page};
 use crate::generate::{Draw, Format, GASES};
 use crate::tui;
 use crate::worker::engines::{CalendarName, EngineName};
@@ -189,6 +189,26 @@ pub enum Experiment {
                       Examples:\n  moltop experiment extremes --quick --out results\n  moltop experiment extremes --row 8 25"
     )]
     Extremes(extremes::Options),
+    /// How run time grows with the number of balls, engine by engine, at a known accuracy
+    #[command(
+        after_help = "Takes about half an hour, --quick a minute. Example:\n  moltop experiment growth --quick --out results"
+    )]
+    Growth(page::Options),
+    /// How far a gas finds the way back after its velocities have been turned round
+    #[command(
+        after_help = "Takes some minutes, --quick half a minute. Example:\n  moltop experiment reversal --quick --out results"
+    )]
+    Reversal(page::Options),
+    /// How many events wait, and what they cost in memory, calendar by calendar
+    #[command(
+        after_help = "Takes some minutes, --quick ten seconds. Example:\n  moltop experiment queue --quick --out results"
+    )]
+    Queue(page::Options),
+    /// Oxygen near standard conditions: temperature and pressure, sample by sample, against theory
+    #[command(
+        after_help = "Takes some minutes on two cores, --quick ten seconds, --full hours. Example:\n  moltop experiment gas --quick --out results"
+    )]
+    Gas(gas::Options),
 }
 
 /// What `generate` makes.

@@ -10,7 +10,7 @@ use moltop::check::Report;
 use moltop::cli::{Cli, Command, Experiment, Generate, RunOptions};
 use moltop::convert::convert;
 use moltop::error::{Error, Result};
-use moltop::experiment::extremes;
+use moltop::experiment::{extremes, gas, growth, queue, reversal};
 use moltop::feed::socket::SocketFeed;
 use moltop::feed::{self, Access, Feed};
 use moltop::generate::{self, Balls, Extent, GASES};
@@ -50,7 +50,7 @@ fn main() -> ExitCode {
         }
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
-        Some(Command::Experiment(Experiment::Extremes(options))) => extremes::run(&options),
+        Some(Command::Experiment(what)) => experiment(&what),
         Some(Command::Generate { what }) => generate(&what),
         Some(Command::Convert {
             input,
@@ -172,6 +172,16 @@ fn watch_here(options: &RunOptions, screen: &tui::Options, program_start: Instan
     };
     let code = tell(&run.finish(exit)); // whatever became of the screen, the results are written
     left.map(|_| code)
+}
+
+fn experiment(what: &Experiment) -> Result<u8> {
+    match what {
+        Experiment::Extremes(options) => extremes::run(options),
+        Experiment::Growth(options) => growth::run(options),
+        Experiment::Reversal(options) => reversal::run(options),
+        Experiment::Queue(options) => queue::run(options),
+        Experiment::Gas(options) => gas::run(options),
+    }
 }
 
 fn needs_terminal() -> Result<()> {

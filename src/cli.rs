@@ -131,6 +131,15 @@ pub enum Command {
         #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = pause)]
         every: f64,
     },
+    /// Print the report of a run that has ended, as Markdown, and write it with its plots (SVG) into its directory
+    Report {
+        /// Name of the run, or the beginning of it, or its directory
+        #[arg(value_name = "RUNDIR")]
+        run: String,
+        /// Write into this directory instead
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
     /// Check a scene, say what it is and what it will cost, and run nothing
     Check {
         /// Scene file [default: oxygen near standard conditions]

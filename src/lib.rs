@@ -45,6 +45,7 @@ pub mod headless;
 pub mod history;
 pub mod output;
 pub mod quantity;
+pub mod report;
 pub mod run;
 pub mod run_directory;
 pub mod run_process;

@@ -1,12 +1,12 @@
 //! The `moltop` program: arguments to a task, a task to an exit code.
 
 use std::io::{self, IsTerminal, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::{CommandFactory, Parser};
-use moltop::check::Report;
+use moltop::check;
 use moltop::cli::{Cli, Command, Experiment, Generate, RunOptions};
 use moltop::convert::convert;
 use moltop::error::{Error, Result};
@@ -16,6 +16,7 @@ use moltop::feed::{self, Access, Feed};
 use moltop::generate::{self, Balls, Extent, GASES};
 use moltop::headless;
 use moltop::output::Target;
+use moltop::report::Report;
 use moltop::run::{Prepared, load, say, tell};
 use moltop::run_directory::Found;
 use moltop::run_process::{self, Started, logout};
@@ -48,6 +49,7 @@ fn main() -> ExitCode {
         Some(Command::Watch { run, jsonl, every }) => {
             runs::watch(run.as_deref(), jsonl, Duration::from_secs_f64(every))
         }
+        Some(Command::Report { run, out }) => report(&run, out.as_deref()),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
         Some(Command::Experiment(what)) => experiment(&what),
@@ -114,6 +116,19 @@ fn attach(run: Option<&str>, read_only: bool, screen: &tui::Options) -> Result<u
         Access::Watcher
     };
     watch(&run, access, screen)
+}
+
+fn report(run: &str, out: Option<&Path>) -> Result<u8> {
+    let run = Found::by_name(run)?;
+    if run.is_going_on() {
+        let name = &run.name;
+        return Err(Error::Usage(format!(
+            "{name}: is going on, and has its report when it ends: `moltop status {name}` says how it is going"
+        )));
+    }
+    let report = Report::of(&run.path)?;
+    report.write(out.unwrap_or(&run.path))?;
+    print(report.markdown.as_bytes())
 }
 
 /// Ends a run, or all that are going on.
@@ -197,7 +212,7 @@ fn needs_terminal() -> Result<()> {
 
 fn check(scene: Option<&PathBuf>, json: bool) -> Result<u8> {
     let scene = load(scene)?;
-    let report = Report::new(&scene, &scene.place()?, scene.until);
+    let report = check::Report::new(&scene, &scene.place()?, scene.until);
     if json {
         let text = serde_json::to_string_pretty(&report).expect("a report is plain data");
         print(format!("{text}\n").as_bytes())

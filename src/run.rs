@@ -12,6 +12,7 @@ use crate::feed::message::Ending;
 use crate::feed::server::Server;
 use crate::feed::{Command, Feed};
 use crate::output::{SeriesWriter, Target, write_state};
+use crate::report;
 use crate::run_directory::{self, RunDirectory};
 use crate::run_process::logout;
 use crate::scene::Scene;
@@ -224,6 +225,10 @@ impl Run {
                     "the engine failed, so there is no state to write".to_owned(),
                 )),
             });
+        }
+        if let Some(directory) = &self.directory {
+            let path = directory.path();
+            written.push(report::Report::of(path).and_then(|report| report.write(path)));
         }
         let failures: Vec<String> = (written.into_iter().filter_map(Result::err))
             .map(|error| error.to_string())

@@ -230,10 +230,10 @@ impl Found {
         lock.modified().ok()
     }
 
-    /// Whether the run is going on.
+    /// Whether the run is going on: its lock is held, and it has not said how it ended.
     pub fn is_going_on(&self) -> bool {
-        File::open(self.path.join(LOCK))
-            .is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockShared).is_err())
+        let held = |lock: File| flock(&lock, FlockOperation::NonBlockingLockShared).is_err();
+        !self.path.join(EXIT).exists() && File::open(self.path.join(LOCK)).is_ok_and(held)
     }
 
     /// Process id of the run, or of the last process that ran it.

@@ -151,7 +151,7 @@ fn the_summary_has_every_key_of_its_schema() {
         keys(&summary),
         "accuracy collision_rate collisions_per_wall_second compressibility_factor counters echo echo_horizon energy_drift engine exit kinetic_energy \
          max_overlap mean_free_path momentum_drift named_balls pair_collisions peak_rss_bytes plane_collisions pressure queue_length \
-         scene schema setup_time_s speeds state_hash temperature time virial_residual wall_collisions wall_time_s"
+         scene schema setup_time_s speeds state_hash temperature time until virial_residual wall_collisions wall_time_s"
     );
     assert_eq!(
         keys(&summary["scene"]),
@@ -286,6 +286,12 @@ fn a_run_leaves_a_directory_of_its_own() {
         );
         assert!(read("summary.json").contains("\"exit\": \"finished\""));
         assert!(read("log").contains("INFO ended: finished"));
+        let page = output(&directory, &["report", &format!("512-balls-{number}")]);
+        assert!(
+            text(&page.stdout).starts_with("# 512 balls\n")
+                && text(&page.stdout) == read("summary.md")
+        );
+        assert!(read("speeds.svg").starts_with("<svg"));
     }
     let mode = |path: &Path| {
         fs::metadata(path)

@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use std::os::unix::net::UnixStream;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::message::{self, Ending, PROTOCOL, Reply, Request};
 use super::{Command, Feed, place};
@@ -16,7 +16,7 @@ use crate::run_directory::{Found, LOG};
 use crate::snapshot::{Phase, Snapshot};
 
 /// How long a run may take to answer, or to take a command.
-const ANSWER: Duration = Duration::from_secs(5);
+const ANSWER: Duration = Duration::from_secs(3);
 
 /// A run that this process watches.
 pub struct SocketFeed {
@@ -51,17 +51,22 @@ impl SocketFeed {
     /// [`Error::Usage`] when it has ended, [`Error::Engine`] when it does not answer or refuses.
     pub fn connect(run: &Found, read_only: bool) -> Result<Self> {
         let failed = |why: String| Error::Engine(format!("{}: {why}", run.name));
-        let stream = place::connect(&run.path).map_err(|error| {
-            if run.is_going_on() {
-                failed(format!("cannot connect: {error}"))
-            } else {
-                let report = run.path.display();
-                Error::Usage(format!(
-                    "{}: has ended: its results are in {report}",
-                    run.name
-                ))
+        let deadline = Instant::now() + ANSWER;
+        let stream = loop {
+            match place::connect(&run.path) {
+                Ok(stream) => break stream,
+                Err(_) if !run.is_going_on() => {
+                    let results = run.path.display();
+                    return Err(Error::Usage(format!(
+                        "{}: has ended: its results are in {results}",
+                        run.name
+                    )));
+                }
+                // A run that has just begun opens its socket in a moment.
+                Err(_) if Instant::now() < deadline => thread::sleep(Duration::from_millis(10)),
+                Err(error) => return Err(failed(format!("cannot connect: {error}"))),
             }
-        })?;
+        };
         let first = greet(&stream, read_only).map_err(|error| {
             failed(match (error.kind(), run.pid()) {
                 (io::ErrorKind::WouldBlock, Some(pid)) => {
@@ -210,8 +215,9 @@ fn greet(stream: &UnixStream, read_only: bool) -> io::Result<Reply> {
         protocol: PROTOCOL,
         read_only,
     };
-    (&mut &*stream).write_all(&message::encode(&hello))?;
-    let reply = message::read(&mut &*stream)?;
+    let sent = (&mut &*stream).write_all(&message::encode(&hello));
+    // Who is not welcome is told so, and heard no more.
+    let reply = message::read(&mut &*stream).map_err(|error| sent.err().unwrap_or(error))?;
     stream.set_read_timeout(None)?; // a paused run has no news
     Ok(reply)
 }

@@ -100,10 +100,13 @@ fn colours(bytes: &[u8]) -> usize {
         .count()
 }
 
+/// A variable of the environment, and what the bytes sent must be like.
+type Rule = ((&'static str, &'static str), fn(&[u8]) -> bool);
+
 #[test]
 fn colours_and_letters_are_those_that_the_environment_allows() {
     for mode in MODES {
-        let rules: [((&str, &str), fn(&[u8]) -> bool); 3] = [
+        let rules: [Rule; 3] = [
             (NO_SETTING, |bytes| colours(bytes) > 10 && !bytes.is_ascii()),
             (("NO_COLOR", "1"), |bytes| colours(bytes) == 0),
             (("LC_ALL", "C"), <[u8]>::is_ascii),

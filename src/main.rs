@@ -1,6 +1,7 @@
 //! The `moltop` program: arguments to a task, a task to an exit code.
 
-use std::io::{self, IsTerminal, Write};
+use std::fs;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -31,13 +32,13 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let done = match cli.command {
         None if cli.run_process => run_process::run(&cli.watch, program_start),
-        None if cli.in_process => watch_here(&cli.watch, &cli.screen, program_start),
-        None => start_and_watch(&cli.screen),
+        None if cli.in_process => watch_here(&cli.watch, cli.screen, program_start),
+        None => start_and_watch(cli.screen),
         Some(Command::Attach {
             run,
             read_only,
             screen,
-        }) => attach(run.as_deref(), read_only, &screen),
+        }) => attach(run.as_deref(), read_only, screen),
         Some(Command::List { json }) => runs::list(json).and_then(|text| print(text.as_bytes())),
         Some(Command::Status { run, json }) => {
             runs::status(run.as_deref(), json).and_then(|text| print(text.as_bytes()))
@@ -66,6 +67,14 @@ fn main() -> ExitCode {
             print(&text)
         }
         Some(Command::Man) => man(),
+        Some(Command::Screenshot {
+            options,
+            size,
+            after,
+            svg,
+            screen,
+        }) => screenshot(&options, size, after, svg.as_ref(), screen, program_start),
+        Some(Command::Config { check, file }) => config(check, file),
     };
     match done {
         Ok(code) => ExitCode::from(code),
@@ -99,16 +108,16 @@ fn run(options: &RunOptions, yes: bool, program_start: Instant) -> Result<u8> {
 }
 
 /// Starts a run in a process of its own, and watches it.
-fn start_and_watch(screen: &tui::Options) -> Result<u8> {
-    needs_terminal()?;
+fn start_and_watch(screen: tui::Options) -> Result<u8> {
+    let screen = &screen.with_settings()?;
     match run_process::start()? {
         Started::Run(run) => watch(&run, Access::Watcher, screen),
         Started::Refused(code) => Ok(code),
     }
 }
 
-fn attach(run: Option<&str>, read_only: bool, screen: &tui::Options) -> Result<u8> {
-    needs_terminal()?;
+fn attach(run: Option<&str>, read_only: bool, screen: tui::Options) -> Result<u8> {
+    let screen = &screen.with_settings()?;
     let run = run.map_or_else(Found::newest, Found::by_name)?;
     let access = if read_only {
         Access::ReadOnly
@@ -174,8 +183,8 @@ fn watch(run: &Found, access: Access, screen: &tui::Options) -> Result<u8> {
 }
 
 /// Runs and watches in one process.
-fn watch_here(options: &RunOptions, screen: &tui::Options, program_start: Instant) -> Result<u8> {
-    needs_terminal()?;
+fn watch_here(options: &RunOptions, screen: tui::Options, program_start: Instant) -> Result<u8> {
+    let screen = &screen.with_settings()?;
     let prepared = Prepared::new(options)?;
     let signals = Signals::listen()?;
     let run = prepared.start(program_start)?;
@@ -197,17 +206,6 @@ fn experiment(what: &Experiment) -> Result<u8> {
         Experiment::Queue(options) => queue::run(options),
         Experiment::Gas(options) => gas::run(options),
     }
-}
-
-fn needs_terminal() -> Result<()> {
-    let dumb = std::env::var_os("TERM").is_some_and(|kind| kind == "dumb");
-    if io::stdout().is_terminal() && !dumb {
-        return Ok(());
-    }
-    let kind = if dumb { " that is not dumb" } else { "" };
-    Err(Error::Usage(format!(
-        "the dashboard needs a terminal{kind}: `moltop run SCENE` needs none"
-    )))
 }
 
 fn check(scene: Option<&PathBuf>, json: bool) -> Result<u8> {
@@ -273,7 +271,50 @@ fn man() -> Result<u8> {
     clap_mangen::Man::new(Cli::command())
         .render(&mut text)
         .expect("memory takes all");
+    text.extend(tui::keys::manual().bytes());
     print(&text)
+}
+
+/// Runs a scene for a while and prints its dashboard.
+fn screenshot(
+    options: &RunOptions,
+    size: (u16, u16),
+    after: f64,
+    svg: Option<&PathBuf>,
+    screen: tui::Options,
+    program_start: Instant,
+) -> Result<u8> {
+    let screen = screen.with_settings()?;
+    let target = svg
+        .map(|path| Target::new(path, options.force))
+        .transpose()?;
+    let run = Prepared::new(options)?.start_without_directory(program_start)?;
+    let shot = tui::screenshot(&run.feed(), &screen, size, Duration::from_secs_f64(after));
+    run.finish(Exit::Quit);
+    if let Some(target) = target {
+        let picture = tui::copy::svg(&shot, screen.theme());
+        target.write(|writer| writer.write_all(picture.as_bytes()))?;
+    }
+    print(tui::copy::text(&shot).as_bytes())
+}
+
+/// Prints a template of the dashboard's settings, or looks for faults in a file.
+fn config(check: bool, file: Option<PathBuf>) -> Result<u8> {
+    use tui::config;
+    if !check {
+        return print(config::template().as_bytes());
+    }
+    let path = file.or_else(config::path);
+    let Some(path) = path.filter(|path| path.exists()) else {
+        return print(b"no settings: all are at their defaults\n");
+    };
+    let text = fs::read_to_string(&path).map_err(|source| Error::File {
+        path: path.clone(),
+        action: "read",
+        source,
+    })?;
+    config::parse(&path, &text)?;
+    print(format!("{}: good\n", path.display()).as_bytes())
 }
 
 /// Writes to stdout; a reader that has seen enough, such as `head`, is no failure.

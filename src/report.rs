@@ -12,11 +12,8 @@ use crate::error::{Error, Result};
 use crate::experiment::plot::{Axis, Glyph, Line, Plot, Series};
 use crate::output::Target;
 use crate::quantity::{Quantity, duration, plain, quantity};
-use crate::run_directory::{REPORT, SUMMARY};
+use crate::run_directory::{HISTORY, REPORT, SUMMARY};
 use crate::snapshot::Units;
-
-/// The run's course over its whole time, as CSV.
-const HISTORY: &str = "history.csv";
 
 /// A report of a run.
 pub struct Report {

@@ -150,7 +150,7 @@ fn the_summary_has_every_key_of_its_schema() {
     assert_eq!(
         keys(&summary),
         "accuracy collision_rate collisions_per_wall_second compressibility_factor counters echo echo_horizon energy_drift engine exit kinetic_energy \
-         max_overlap mean_free_path momentum_drift named_balls pair_collisions peak_rss_bytes plane_collisions pressure queue_length \
+         max_overlap mean_free_path momentum_drift named_balls observables pair_collisions peak_rss_bytes plane_collisions pressure queue_length \
          scene schema setup_time_s speeds state_hash temperature time until virial_residual wall_collisions wall_time_s"
     );
     assert_eq!(
@@ -525,7 +525,33 @@ fn bad_input_has_exit_code_2() {
     check_refused(&["run", SCENE, "--dt", "0.1"], "--dt is for engine step");
     let other = ["run", SCENE, "--engine", "windowed", "--calendar", "lazy"];
     check_refused(&other, "--calendar is for engine event");
-    check_refused(&[SCENE], "the dashboard needs a terminal");
+}
+
+#[test]
+fn without_a_terminal_the_dashboard_is_plain_lines() {
+    let directory = directory();
+    let arguments = [
+        SCENE,
+        "--in-process",
+        "--until",
+        "3",
+        "--plain-every",
+        "0.05",
+    ];
+    let mut command = moltop(&directory, &arguments);
+    let output = command.env("LC_ALL", "C").output().expect("it starts");
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let words = text(&output.stdout);
+    assert!(words.is_ascii() && !words.contains('\x1b'), "{words}");
+    let last = words.lines().last().expect("a line");
+    assert!(
+        last.starts_with("t 3.000 of 3.000 (100.00 %), finished, wall "),
+        "{last}"
+    );
+    assert!(
+        last.contains("temperature ") && last.contains("trust sound"),
+        "{last}"
+    );
 }
 
 #[test]

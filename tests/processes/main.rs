@@ -247,7 +247,7 @@ fn runs_are_listed_commanded_and_followed_from_the_command_line() {
     let (words, _) = runs.refused(&["run", SCENE, "--run-dir", &format!("moltop/{RUN}")]);
     assert!(words.contains("holds a run already"), "{words}");
 
-    let mut follower = runs.moltop(&["watch", RUN, "--jsonl", "--every", "0.1"]);
+    let mut follower = runs.moltop(&["watch", RUN, "--jsonl", "--every", "100ms"]);
     let follower = follower
         .stdout(Stdio::piped())
         .spawn()

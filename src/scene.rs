@@ -18,7 +18,7 @@ mod write;
 
 pub mod analysis;
 
-pub use memory::BYTES_PER_BALL;
+pub use memory::bytes_per_ball;
 pub use site::Cell;
 pub use table::Rows;
 

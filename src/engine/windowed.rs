@@ -31,7 +31,7 @@ mod tuning;
 use std::collections::BinaryHeap;
 
 use crate::engine::contact::InstantWatch;
-use crate::engine::{Counters, Engine, Stuck};
+use crate::engine::{Counters, Engine, Saved, Stuck, Tally};
 use crate::event::Collision;
 use crate::state::{Placement, State, Time};
 use filter::Margins;
@@ -104,6 +104,18 @@ impl Windowed {
     pub fn new(state: State, threads: usize) -> Self {
         let worth_it = state.ball_count() / BALLS_PER_REGION;
         Self::with_regions(state, threads.min(worth_it))
+    }
+
+    /// Goes on from what an event-driven or windowed engine has saved.
+    ///
+    /// # Panics
+    /// If [`Self::supports`] does not hold.
+    pub fn resume(state: State, threads: usize, tally: Tally) -> Self {
+        Self {
+            counters: tally.counters,
+            instants: tally.instants,
+            ..Self::new(state, threads)
+        }
     }
 
     /// Like [`Self::new`], with a thread for each of so many regions even if that does not pay.
@@ -436,6 +448,13 @@ impl Engine for Windowed {
         self.state.reverse();
         self.instants.clear();
         self.sort();
+    }
+
+    fn save(&self) -> Saved {
+        Saved::Exact(Tally {
+            counters: self.counters,
+            instants: self.instants.clone(),
+        })
     }
 
     fn counters(&self) -> Counters {

@@ -17,13 +17,15 @@ pub mod speeds;
 pub mod transport;
 pub mod velocities;
 
+use serde::{Deserialize, Serialize};
+
 use crate::event::{Collision, Participants};
 use crate::observe::blocks::Blocks;
 use crate::observe::ledger::Ledger;
 use crate::state::State;
 
 /// Everything that is measured at collisions.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Observer {
     /// Averages over blocks of time.
     pub blocks: Blocks,

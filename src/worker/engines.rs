@@ -1,13 +1,15 @@
 //! Engines and calendars by name: the one place that knows them all.
 
+use serde::{Deserialize, Serialize};
+
 use clap::ValueEnum;
 
 use crate::calendar::{Bounded, Indexed, Lazy};
-use crate::engine::Engine;
 use crate::engine::event_driven::EventDriven;
 use crate::engine::reversible::Reversible;
 use crate::engine::time_stepping::TimeStepping;
 use crate::engine::windowed::Windowed;
+use crate::engine::{Engine, Saved};
 use crate::quantity::plain;
 use crate::scene::analysis::packing_fraction;
 use crate::state::{Placement, State, UnitScale};
@@ -29,7 +31,7 @@ pub enum EngineName {
 }
 
 /// Calendars of engine `event` as `--calendar` names them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum CalendarName {
     /// A heap of one event per ball
     #[default]
@@ -56,7 +58,7 @@ pub struct Wishes {
 }
 
 /// An engine that can run the scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Choice {
     /// [`EventDriven`], with this calendar.
     Event(CalendarName),
@@ -159,6 +161,29 @@ impl Choice {
             ),
             Self::Step(step) => Box::new(TimeStepping::new(state, *step)),
         }
+    }
+
+    /// The engine itself, to go on from what one of its kind has saved; `None` if it was another kind.
+    pub fn resume(&self, state: State, saved: Saved) -> Option<Box<dyn Engine>> {
+        Some(match (self, saved) {
+            (Self::Event(CalendarName::Indexed), Saved::Exact(tally)) => {
+                Box::new(EventDriven::<Indexed>::resume(state, tally))
+            }
+            (Self::Event(CalendarName::Lazy), Saved::Exact(tally)) => {
+                Box::new(EventDriven::<Lazy>::resume(state, tally))
+            }
+            (Self::Event(CalendarName::Bounded), Saved::Exact(tally)) => {
+                Box::new(EventDriven::<Bounded>::resume(state, tally))
+            }
+            (Self::Windowed(threads), Saved::Exact(tally)) => {
+                Box::new(Windowed::resume(state, *threads, tally))
+            }
+            (Self::Reversible, Saved::Reversible(saved)) => {
+                Box::new(Reversible::resume(state, saved))
+            }
+            (Self::Step(_), Saved::Step(saved)) => Box::new(TimeStepping::resume(state, saved)),
+            _ => return None,
+        })
     }
 
     /// What is wrong with the choice although it can be run: steps so long that they are felt.

@@ -66,6 +66,13 @@ impl Bodies {
         }
     }
 
+    /// Smallest radius \[length\].
+    pub fn smallest_radius(&self) -> f64 {
+        self.kinds
+            .iter()
+            .fold(f64::INFINITY, |smallest, body| smallest.min(body.radius))
+    }
+
     /// Largest radius \[length\].
     pub fn largest_radius(&self) -> f64 {
         self.kinds

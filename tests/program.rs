@@ -689,3 +689,21 @@ fn generated_and_converted_scenes_run() {
     check_refused(&["generate", "balls", "--radius", "0,5"], "0,5");
     check_refused(&["convert", SCENE, "here"], "must end in .toml");
 }
+
+#[test]
+fn check_knows_how_much_memory_a_run_takes() {
+    let directory = directory();
+    let scene = "units = \"reduced\"\n[domain]\nkind = \"periodic\"\nsize = [60, 60, 60]\n\
+                 [[species]]\ncount = 100000\nradius = 0.5\nmass = 1\nvelocity = { kind = \"normal\", deviation = 1 }\n";
+    fs::write(directory.path().join("scene.toml"), scene).expect("a small file");
+    let check = output(&directory, &["check", "scene.toml", "--json"]);
+    let report: Value = serde_json::from_slice(&check.stdout).expect("JSON");
+    let options = ["--until", "1e-6", "--sample", "1", "--summary", "out.json"];
+    let run = output(&directory, &[&["run", "scene.toml"][..], &options].concat());
+    assert!(run.status.success(), "{}", text(&run.stderr));
+    let taken = json(&directory, "out.json")["peak_rss_bytes"].as_f64();
+    let expected = report["memory_bytes"].as_f64().expect("a number");
+    if let Some(taken) = taken {
+        assert!((taken / expected - 1.0).abs() < 0.25, "{taken} {expected}");
+    }
+}

@@ -6,6 +6,8 @@ use crate::state::{State, Time};
 pub mod contact;
 pub mod event_driven;
 pub mod reversible;
+pub mod statistical;
+pub mod step_clock;
 pub mod time_stepping;
 pub mod windowed;
 
@@ -20,7 +22,19 @@ pub trait Engine: Send {
     /// [`Stuck`] if a ball collides without end at one instant, as in a packing without room.
     fn advance(&mut self, until: Time, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck>;
 
-    /// The gas.
+    /// Like [`Engine::advance`], but an engine that goes in steps may sum up what happens in each, which is much cheaper.
+    ///
+    /// # Errors
+    /// As [`Engine::advance`].
+    fn advance_in_sums(
+        &mut self,
+        until: Time,
+        report: &mut dyn FnMut(Report),
+    ) -> Result<(), Stuck> {
+        self.advance(until, &mut |collision| report(Report::One(collision)))
+    }
+
+    /// The gas: its present, and the balls as of the last time it was settled, if the engine has to.
     fn state(&self) -> &State;
 
     /// Makes the state as exact as the engine knows it, for an engine that knows more than the state; changes no event.
@@ -34,6 +48,47 @@ pub trait Engine: Send {
 
     /// Events waiting; zero for an engine without a queue.
     fn queue_length(&self) -> usize;
+}
+
+/// What an engine reports.
+#[derive(Clone, Copy, Debug)]
+pub enum Report<'a> {
+    /// A collision.
+    One(&'a Collision),
+    /// All collisions in a stretch of time.
+    Sums(&'a Sums),
+}
+
+/// What happened in a stretch of time, spread evenly over it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sums {
+    /// When the stretch begins.
+    pub begin: Time,
+    /// When it ends.
+    pub end: Time,
+    /// Ball-ball collisions.
+    pub pair_collisions: u64,
+    /// Collisions with container walls.
+    pub wall_collisions: u64,
+    /// `sum of r . dp` over the pair collisions.
+    pub pair_virial: f64,
+    /// Momentum given to the walls, perpendicular to them.
+    pub wall_impulse: f64,
+}
+
+impl Sums {
+    /// What is left of these sums when an earlier part, with the same beginning, is taken away.
+    #[must_use]
+    pub fn since(&self, earlier: &Self) -> Self {
+        Self {
+            begin: earlier.end,
+            end: self.end,
+            pair_collisions: self.pair_collisions - earlier.pair_collisions,
+            wall_collisions: self.wall_collisions - earlier.wall_collisions,
+            pair_virial: self.pair_virial - earlier.pair_virial,
+            wall_impulse: self.wall_impulse - earlier.wall_impulse,
+        }
+    }
 }
 
 /// What an engine has counted since it was made.

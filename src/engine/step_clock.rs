@@ -54,6 +54,11 @@ impl StepClock {
         self.next_end().since(until) <= TOLERANCE * self.length
     }
 
+    /// Which step ends next, counted from the origin.
+    pub fn number(&self) -> u64 {
+        self.next
+    }
+
     /// Goes on to the next step.
     pub fn tick(&mut self) {
         self.next += 1;

@@ -1,0 +1,413 @@
+//! Engine `statistical`: direct simulation Monte Carlo, the fast and approximate end of the trade for dilute gases.
+//!
+//! Balls fly freely for a step; then partners inside small cells collide at random, as often as kinetic theory says that pairs
+//! of their relative speed do. Averages come out right (pressure, speeds, rates, diffusion, viscosity, how a gas settles),
+//! trajectories do not exist: nothing can be reversed, and balls may overlap.
+//!
+//! What always holds: collisions happen at the instants `(k + 1/2) step`, and between two of them every ball flies freely, so
+//! the gas can be read at any time. What is drawn depends on seed, step and cell alone, and the order of the balls in a cell on
+//! nothing but the past, so the same gas comes out bit for bit on any number of threads.
+//!
+//! What makes it right beyond the textbook's scheme: partners are moved apart by what their diameters transfer, so that the
+//! pressure is that of balls and not of points; the rate counts contact value and walls; majorants grow between steps only.
+//!
+//! Sources: Bird, Molecular Gas Dynamics and the Direct Simulation of Gas Flows (1994); Alexander, Garcia & Alder, Phys. Rev.
+//! Lett. 74, 5212 (1995); Garcia & Wagner, Phys. Fluids 12, 2621 (2000), for what the step gets wrong.
+
+mod bins;
+mod cells;
+mod law;
+mod random;
+mod round;
+
+use glam::{DVec3, IVec3};
+
+use crate::engine::step_clock::StepClock;
+use crate::engine::{Counters, Engine, Report, Stuck, Sums};
+use crate::event::Collision;
+use crate::state::{State, Time, Trajectory};
+use bins::{Bins, Record};
+use cells::Cells;
+use law::Mixture;
+use round::{Instant, Rules, Share, Tally};
+
+/// Fewest balls for which a thread is worth starting.
+const BALLS_PER_THREAD: usize = 20_000;
+
+/// Fewest balls of a cell, on average: with fewer, the same two meet again too often.
+const FEWEST_PER_CELL: f64 = 20.0;
+
+/// Widest cells, in mean free paths.
+const WIDEST: f64 = 0.5;
+
+/// How finely the gas is resolved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resolution {
+    /// Length of a step in mean free times.
+    pub step: f64,
+    /// Width of the cells in mean free paths, as far as there are balls enough.
+    pub cell: f64,
+}
+
+/// Half a mean free time: diffusion within 1 %, viscosity within 3 %.
+pub const QUICK: Resolution = Resolution {
+    step: 0.5,
+    cell: 1.0 / 3.0,
+};
+
+/// A fifth of a mean free time: diffusion within 0.2 %, viscosity within 0.5 %.
+pub const USUAL: Resolution = Resolution {
+    step: 0.2,
+    cell: 1.0 / 6.0,
+};
+
+/// A tenth of a mean free time.
+pub const CAREFUL: Resolution = Resolution {
+    step: 0.1,
+    cell: 1.0 / 6.0,
+};
+
+/// The statistical engine.
+#[derive(Clone, Debug)]
+pub struct Statistical {
+    /// The gas as of the last time it was settled, but for the present.
+    state: State,
+    rules: Rules,
+    /// Ends of half steps; collisions happen at the odd ones.
+    clock: StepClock,
+    /// Where the balls are at the next collisions, for each thread those that it has put there.
+    bins: Vec<Bins>,
+    /// The bins of the step before, to be used again.
+    spare: Vec<Bins>,
+    /// In a periodic box: how many boxes each ball will have moved on by the next collisions.
+    images: Vec<IVec3>,
+    /// For each cell, what no pair's relative speed times section was above so far.
+    majorants: Vec<f32>,
+    /// What happened in each plane of cells in the last step.
+    tallies: Vec<Tally>,
+    pending: Pending,
+    settled: bool,
+    counters: Counters,
+}
+
+/// What the last step did, as far as it has not been reported.
+#[derive(Clone, Debug, Default)]
+struct Pending {
+    /// Its sums, over the flight between its collisions and the next.
+    sums: Option<Sums>,
+    reported: Sums,
+    /// Its collisions, in order of time, and how many are reported.
+    collisions: Vec<Collision>,
+    done: usize,
+}
+
+impl Statistical {
+    /// Prepares a gas that this engine supports, to be run by so many threads at the most; their number changes no bit.
+    ///
+    /// # Panics
+    /// If no two balls of the gas can meet.
+    pub fn new(state: State, resolution: Resolution, seed: u64, threads: usize) -> Self {
+        let worth_it = (state.ball_count() / BALLS_PER_THREAD).max(1);
+        Self::with_threads(state, resolution, seed, threads.min(worth_it))
+    }
+
+    /// Like [`Self::new`], with so many threads even if that does not pay.
+    ///
+    /// # Panics
+    /// If no two balls of the gas can meet.
+    pub fn with_threads(state: State, resolution: Resolution, seed: u64, threads: usize) -> Self {
+        let supported = "the caller has asked whether this engine supports the gas";
+        let mixture = Mixture::of(&state).expect(supported);
+        let free = mixture.free().expect(supported);
+        let smallest = state
+            .bodies
+            .kinds()
+            .iter()
+            .fold(f64::INFINITY, |least, body| least.min(body.radius));
+        let width = width(&state, resolution.cell, free.path);
+        let cells = Cells::new(&state.domain, smallest, width);
+        let step = resolution.step * free.time;
+        let rules = Rules::new(&state, mixture, cells, (resolution.step, step), seed);
+        let threads = threads.clamp(1, cells.dimensions[2]);
+        let room = state.ball_count() / threads;
+        let bins = vec![Bins::new(cells.count(), room); threads];
+        let mut engine = Self {
+            clock: StepClock::new(0.5 * step, state.now),
+            spare: bins.clone(),
+            bins,
+            images: state.images.clone(),
+            majorants: vec![rules.floor; cells.count()],
+            tallies: vec![Tally::default(); cells.dimensions[2]],
+            pending: Pending::default(),
+            settled: true,
+            counters: Counters::default(),
+            rules,
+            state,
+        };
+        if engine.clock.number() % 2 == 0 {
+            engine.clock.tick();
+        }
+        engine.take_in();
+        engine
+    }
+
+    /// Puts the balls of the state into bins, flown on to the next collisions.
+    fn take_in(&mut self) {
+        let ahead = self.clock.next_end().since(self.state.now);
+        self.bins.iter_mut().for_each(Bins::clear);
+        for (ball, flight) in self.state.trajectories.iter().enumerate() {
+            let position = flight.position_at(self.state.now);
+            let body = self.state.bodies.of(ball);
+            let (position, velocity, boxes) =
+                self.rules.flown(position, flight.velocity, ahead, &body);
+            if let Some(image) = self.images.get_mut(ball) {
+                *image = self.state.images[ball] + boxes;
+            }
+            let record = Record {
+                position: position.as_vec3().to_array(),
+                velocity: velocity.as_vec3().to_array(),
+                ball: ball as u32,
+                collisions: 0,
+            };
+            self.bins[0].push(self.rules.cells.of(record.position), record);
+        }
+    }
+
+    /// One round of collisions and the flights that follow it.
+    fn step(&mut self, each: bool) {
+        let now = Instant {
+            number: self.clock.number() / 2,
+            time: self.clock.next_end(),
+        };
+        let planes = self.share_out();
+        let alike = self.state.bodies.uniform().is_some();
+        let work = match (each, alike) {
+            (false, true) => round::run::<false, true>,
+            (false, false) => round::run::<false, false>,
+            (true, true) => round::run::<true, true>,
+            (true, false) => round::run::<true, false>,
+        };
+        std::mem::swap(&mut self.bins, &mut self.spare);
+        let (rules, bodies, old) = (&self.rules, &self.state.bodies, &self.spare[..]);
+        let per_plane = rules.cells.per_plane();
+        let (mut tallies, mut majorants) = (&mut self.tallies[..], &mut self.majorants[..]);
+        let mut shares: Vec<Share> = Vec::new();
+        for (planes, bins) in planes.into_iter().zip(&mut self.bins) {
+            bins.clear();
+            shares.push(Share {
+                tallies: tallies
+                    .split_off_mut(..planes.len())
+                    .expect("all planes are shared out"),
+                majorants: majorants
+                    .split_off_mut(..planes.len() * per_plane)
+                    .expect("all planes are shared out"),
+                planes,
+                bins,
+                faces: Vec::new(),
+                collisions: Vec::new(),
+            });
+        }
+        std::thread::scope(|scope| {
+            let mut shares = shares.iter_mut();
+            let first = shares.next();
+            shares.for_each(|share| {
+                scope.spawn(move || work(rules, bodies, old, now, share));
+            });
+            first
+                .into_iter()
+                .for_each(|share| work(rules, bodies, old, now, share));
+        });
+        self.pending.collisions.clear();
+        self.pending.done = 0;
+        for share in shares {
+            self.pending.collisions.extend(share.collisions);
+            for (ball, face) in share.faces {
+                self.images[ball as usize][face.axis] += if face.upper { 1 } else { -1 };
+            }
+        }
+        self.pending
+            .collisions
+            .sort_by(|a, b| a.time.partial_cmp(&b.time).expect("times are numbers"));
+        self.clock.tick();
+        self.clock.tick();
+        self.settled = false;
+        self.count(now.time, each);
+    }
+
+    /// Sums up what happened in all planes, in their order.
+    fn count(&mut self, begin: Time, each: bool) {
+        let mut sums = Sums {
+            begin,
+            end: self.clock.next_end(),
+            ..Sums::default()
+        };
+        for tally in &self.tallies {
+            sums.pair_collisions += tally.pair_collisions;
+            sums.wall_collisions += tally.wall_collisions;
+            sums.pair_virial += tally.pair_virial;
+            sums.wall_impulse += tally.wall_impulse;
+        }
+        self.counters.pair_collisions += sums.pair_collisions;
+        self.counters.wall_collisions += sums.wall_collisions;
+        self.counters.steps += 1;
+        self.pending.reported = Sums {
+            end: begin,
+            begin,
+            ..Sums::default()
+        };
+        self.pending.sums = (!each).then_some(sums);
+    }
+
+    /// Cuts the planes of cells into a stretch for each thread, with about as many balls each.
+    fn share_out(&self) -> Vec<std::ops::Range<usize>> {
+        let threads = self.bins.len();
+        let known: u64 = self.tallies.iter().map(|tally| tally.balls).sum();
+        let mut cuts = vec![0];
+        let mut balls = 0;
+        for (plane, tally) in self.tallies.iter().enumerate() {
+            // Before the first step, each plane counts as one ball.
+            balls += if known == 0 { 1 } else { tally.balls };
+            let all = if known == 0 {
+                self.tallies.len() as u64
+            } else {
+                known
+            };
+            let (cut, left) = (cuts.len() as u64, self.tallies.len() - plane - 1);
+            let full = balls * threads as u64 >= cut * all || left < threads - cuts.len();
+            if full && cuts.len() < threads && left > 0 {
+                cuts.push(plane + 1);
+            }
+        }
+        cuts.push(self.tallies.len());
+        cuts.windows(2).map(|cut| cut[0]..cut[1]).collect()
+    }
+
+    fn go(&mut self, until: Time, each: bool, report: &mut dyn FnMut(Report)) {
+        loop {
+            self.pending.report(until, report);
+            if self.clock.next_end() > until {
+                break;
+            }
+            self.step(each);
+        }
+        self.settled &= self.state.now == until;
+        self.state.now = until;
+    }
+}
+
+impl Pending {
+    /// Reports what has happened up to an instant: of sums, the share of their time that has passed.
+    fn report(&mut self, until: Time, report: &mut dyn FnMut(Report)) {
+        while let Some(collision) = self
+            .collisions
+            .get(self.done)
+            .filter(|collision| collision.time <= until)
+        {
+            report(Report::One(collision));
+            self.done += 1;
+        }
+        let Some(sums) = self.sums else { return };
+        let end = if until < sums.end { until } else { sums.end };
+        if end <= self.reported.end {
+            return;
+        }
+        let share = end.since(sums.begin) / sums.end.since(sums.begin);
+        let part = |all: u64| {
+            if end < sums.end {
+                (all as f64 * share) as u64
+            } else {
+                all
+            }
+        };
+        let so_far = Sums {
+            begin: sums.begin,
+            end,
+            pair_collisions: part(sums.pair_collisions),
+            wall_collisions: part(sums.wall_collisions),
+            pair_virial: share * sums.pair_virial,
+            wall_impulse: share * sums.wall_impulse,
+        };
+        report(Report::Sums(&so_far.since(&self.reported)));
+        self.reported = so_far;
+    }
+}
+
+impl Engine for Statistical {
+    fn name(&self) -> &'static str {
+        "statistical"
+    }
+
+    fn advance(&mut self, until: Time, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck> {
+        self.go(until, true, &mut |what| {
+            if let Report::One(collision) = what {
+                report(collision)
+            }
+        });
+        Ok(())
+    }
+
+    fn advance_in_sums(
+        &mut self,
+        until: Time,
+        report: &mut dyn FnMut(Report),
+    ) -> Result<(), Stuck> {
+        self.go(until, false, report);
+        Ok(())
+    }
+
+    fn state(&self) -> &State {
+        &self.state
+    }
+
+    fn settle(&mut self) {
+        if std::mem::replace(&mut self.settled, true) {
+            return;
+        }
+        let Self {
+            state,
+            rules, bins, clock, images, .. } = self;
+        let ahead = clock.next_end().since(state.now);
+        for bins in bins {
+            bins.for_each_mut(|record| {
+                let ball = record.ball as usize;
+                let [position, velocity] =
+                    [record.position, record.velocity].map(|v| DVec3::from_array(v.map(f64::from)));
+                // Backwards in time is forwards with the velocity turned round, and turned round again.
+                let (position, velocity, boxes) =
+                    rules.flown(position, -velocity, ahead, &state.bodies.of(ball));
+                if let Some(image) = images.get(ball) {
+                    state.images[ball] = *image + boxes;
+                }
+                state.trajectories[ball] = Trajectory {
+                    position,
+                    velocity: -velocity,
+                    begin: state.now,
+                };
+                state.collisions[ball] += u64::from(std::mem::take(&mut record.collisions));
+            });
+        }
+    }
+
+    fn reverse(&mut self) {
+        self.settle();
+        self.state.reverse();
+        self.take_in();
+        self.pending = Pending::default();
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    fn queue_length(&self) -> usize {
+        0
+    }
+}
+
+/// Width of the cells: what is wished for, but with balls enough, and never above what the method allows.
+fn width(state: &State, wish: f64, path: f64) -> f64 {
+    let spacing = (state.domain.volume() / state.ball_count() as f64).cbrt();
+    (wish * path)
+        .max(FEWEST_PER_CELL.cbrt() * spacing)
+        .min(WIDEST * path)
+}

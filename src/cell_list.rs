@@ -230,23 +230,24 @@ impl CellList {
         self.ranges[ball].for_each(|cell| visit(self.company(cell)));
     }
 
-    /// The images at which a ball listed in a cell is seen by one that counts the cell as `cell`: how many boxes to move the
-    /// looking ball so that both are counted alike.
-    pub fn images(&self, cell: Cell, ball: u32) -> impl Iterator<Item = IVec3> {
+    /// Visits the images at which a ball listed in a cell is seen by one that counts the cell as `cell`: how many boxes to move
+    /// the looking ball so that both are counted alike.
+    #[inline]
+    pub fn for_each_image(&self, cell: Cell, ball: u32, mut visit: impl FnMut(IVec3)) {
         let range = self.ranges[ball as usize];
-        let shifts: [_; 3] = std::array::from_fn(|axis| {
+        let [x, y, z] = std::array::from_fn(|axis| {
             let count = i32::from(self.cell_counts[axis]);
-            let from =
-                (i32::from(range.low[axis]) - i32::from(cell[axis]) + count - 1).div_euclid(count);
-            let to = (i32::from(range.high[axis]) - i32::from(cell[axis])).div_euclid(count);
-            from..=to
+            let from = i32::from(range.low[axis]) - i32::from(cell[axis]);
+            let to = i32::from(range.high[axis]) - i32::from(cell[axis]);
+            whole_boxes(from + count - 1, count)..=whole_boxes(to, count)
         });
-        let [x, y, z] = shifts;
-        x.flat_map(move |x| {
-            let z = z.clone();
-            y.clone()
-                .flat_map(move |y| z.clone().map(move |z| IVec3::new(x, y, z)))
-        })
+        for x in x {
+            for y in y.clone() {
+                for z in z.clone() {
+                    visit(IVec3::new(x, y, z));
+                }
+            }
+        }
     }
 
     #[inline]
@@ -323,5 +324,19 @@ impl CellList {
         }
         self.balls = balls;
         self.capacity *= 2;
+    }
+}
+
+/// Whole boxes of `count` cells in a number of cells, rounded down; seldom more than one, so seldom a division.
+#[inline]
+fn whole_boxes(cells: i32, count: i32) -> i32 {
+    if 0 <= cells && cells < count {
+        0
+    } else if count <= cells && cells < 2 * count {
+        1
+    } else if -count <= cells && cells < 0 {
+        -1
+    } else {
+        cells.div_euclid(count)
     }
 }

@@ -8,6 +8,7 @@ use clap_complete::Shell;
 
 use crate::experiment::extremes;
 use crate::generate::{Draw, Format, GASES};
+use crate::tui;
 use crate::worker::engines::{CalendarName, EngineName};
 
 const EXAMPLES: &str = "\
@@ -35,6 +36,9 @@ pub struct Cli {
     /// Scene and outputs of a run that is watched.
     #[command(flatten)]
     pub watch: RunOptions,
+    /// How the run is shown.
+    #[command(flatten)]
+    pub screen: tui::Options,
 }
 
 /// What to do.
@@ -216,6 +220,9 @@ pub struct RunOptions {
     /// Write all balls at the end as CSV
     #[arg(long, value_name = "FILE", env = "MOLTOP_STATE")]
     pub state: Option<PathBuf>,
+    /// Directory of the run, new or empty [default: one named after the scene, in ~/.local/state/moltop]
+    #[arg(long, value_name = "DIR", env = "MOLTOP_RUN_DIR")]
+    pub run_dir: Option<PathBuf>,
     /// Overwrite output files that exist
     #[arg(long, env = "MOLTOP_FORCE", value_parser = FalseyValueParser::new())]
     pub force: bool,

@@ -46,6 +46,7 @@ pub mod history;
 pub mod output;
 pub mod quantity;
 pub mod run;
+pub mod run_directory;
 pub mod scene;
 pub mod signals;
 pub mod snapshot;

@@ -24,7 +24,7 @@ fn main() -> ExitCode {
     let program_start = Instant::now();
     let cli = Cli::parse();
     let done = match cli.command {
-        None => watch(&cli.watch, program_start),
+        None => watch(&cli.watch, &cli.screen, program_start),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
         Some(Command::Experiment(Experiment::Extremes(options))) => extremes::run(&options),
@@ -68,7 +68,7 @@ fn run(options: &RunOptions, yes: bool, program_start: Instant) -> Result<u8> {
     Ok(run.finish(exit)?.code())
 }
 
-fn watch(options: &RunOptions, program_start: Instant) -> Result<u8> {
+fn watch(options: &RunOptions, screen: &tui::Options, program_start: Instant) -> Result<u8> {
     if !io::stdout().is_terminal() {
         return Err(Error::Usage(
             "the dashboard needs a terminal: `moltop run SCENE` needs none".to_owned(),
@@ -77,11 +77,7 @@ fn watch(options: &RunOptions, program_start: Instant) -> Result<u8> {
     let prepared = Prepared::new(options)?;
     let signals = Signals::listen()?;
     let run = prepared.start(program_start)?;
-    let left = tui::run(
-        &run.feed(),
-        signals.stop(),
-        &tui::Options::from_environment(),
-    );
+    let left = tui::run(&run.feed(), signals.stop(), screen);
     let exit = match (&left, signals.received()) {
         (_, Some(number)) => Exit::Signal(number),
         (Ok(Leave::HangUp), None) => Exit::Signal(SIGHUP),

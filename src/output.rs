@@ -79,6 +79,14 @@ impl Target {
         }
     }
 
+    /// A file of our own, which is replaced whenever it is written.
+    pub fn replacing(path: PathBuf) -> Self {
+        Self {
+            path,
+            overwrite: true,
+        }
+    }
+
     /// Writes the file whole.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! One run from its options to its files, whether a screen watches it or not.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::time::Instant;
 
@@ -10,6 +10,7 @@ use crate::cli::RunOptions;
 use crate::error::{Error, Result};
 use crate::feed::{Command, Feed};
 use crate::output::{SeriesWriter, Target, write_state};
+use crate::run_directory::{self, RunDirectory};
 use crate::scene::Scene;
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
@@ -21,6 +22,7 @@ pub struct Prepared {
     scene: Scene,
     placement: Placement,
     outputs: Outputs,
+    run_dir: Option<PathBuf>,
     engine: Choice,
     /// What is known of the run before it starts.
     pub report: Report,
@@ -35,6 +37,7 @@ struct Outputs {
 /// A run that is going on.
 pub struct Run {
     worker: Worker,
+    directory: Option<RunDirectory>,
     summary: Option<Target>,
     series: Option<SeriesWriter>,
     state: Option<Target>,
@@ -79,16 +82,29 @@ impl Prepared {
             scene,
             placement,
             outputs,
+            run_dir: options.run_dir.clone(),
             engine,
             report,
         })
     }
 
-    /// Starts the engine.
+    /// Makes the run's directory and starts the engine.
+    ///
+    /// Without `--run-dir`, a directory that cannot be made is only worth a warning.
     ///
     /// # Errors
-    /// [`Error::File`] when the series cannot be opened any more.
+    /// [`Error::File`] when the directory of `--run-dir` cannot be made, or the series cannot be opened any more.
     pub fn start(self, program_start: Instant) -> Result<Run> {
+        let directory = match open_directory(&self.scene, self.run_dir.as_deref()) {
+            Ok(directory) => Some(directory),
+            Err(error) if self.run_dir.is_some() => return Err(error),
+            Err(error) => {
+                say(&format!(
+                    "moltop: warning: the run has no directory: {error}"
+                ));
+                None
+            }
+        };
         let Outputs {
             summary,
             series,
@@ -105,16 +121,31 @@ impl Prepared {
             engine: self.engine,
             until: self.scene.until,
             series: sender,
+            directory: directory.as_ref().map(|found| found.path().to_owned()),
             program_start,
         };
         let worker = Worker::start(&self.scene, self.placement, options);
         Ok(Run {
             worker,
+            directory,
             summary,
             series,
             state,
         })
     }
+}
+
+fn open_directory(scene: &Scene, wish: Option<&Path>) -> Result<RunDirectory> {
+    let directory = RunDirectory::create(&scene.title, wish)?;
+    directory.start_log()?;
+    let file = if scene.is_seed_text() {
+        run_directory::SCENE_IN_SEED_TEXT
+    } else {
+        run_directory::SCENE
+    };
+    (directory.target(file)).write(|writer| writer.write_all(scene.source.as_bytes()))?;
+    tracing::info!(run = directory.name(), pid = std::process::id(), "started");
+    Ok(directory)
 }
 
 impl Outputs {
@@ -156,8 +187,9 @@ impl Run {
         let outcome = self.worker.join();
         let exit = Exit::of(&outcome.snapshot, exit);
         let mut written = Vec::new();
-        if let Some(target) = self.summary {
-            let summary = Summary::new(&outcome.snapshot, &exit);
+        let summary = Summary::new(&outcome.snapshot, &exit);
+        let of_run = (self.directory.as_ref()).map(|found| found.target(run_directory::SUMMARY));
+        for target in of_run.iter().chain(&self.summary) {
             written.push(target.write(|writer| summary.write(writer)));
         }
         // The worker is gone, and with it the sender of rows.
@@ -171,6 +203,13 @@ impl Run {
                     "the engine failed, so there is no state to write".to_owned(),
                 )),
             });
+        }
+        if let Some(directory) = &self.directory {
+            tracing::info!("ended: {}", exit.words());
+            let target = directory.target(run_directory::EXIT);
+            let exit =
+                |writer: &mut dyn Write| writeln!(writer, "{} {}", exit.code(), exit.words());
+            written.push(target.write(exit));
         }
         say(for_people(&outcome.snapshot, &exit).trim_end());
         // Of several failures the last is returned and reported by the caller, the others are said here.

@@ -273,6 +273,11 @@ impl Scene {
         })
     }
 
+    /// Whether it was read from the seed's text.
+    pub fn is_seed_text(&self) -> bool {
+        seed_text::is_seed_text(&self.source)
+    }
+
     /// Whether the domain is a periodic box.
     pub fn has_images(&self) -> bool {
         self.domain.boundary == Boundary::Periodic

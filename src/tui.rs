@@ -1,14 +1,19 @@
 //! The dashboard: a run on the terminal.
 //!
 //! Sees only [`Feed`] and [`Snapshot`](crate::snapshot::Snapshot). The newest snapshot wins; keys are acted on at once; a
-//! frame is drawn only when something changed. The screen is a function of [`app::App`], see [`view::draw`].
+//! frame is drawn only when something changed, at the rates of [`pace`]. The screen is a function of [`app::App`], see [`view::draw`].
 
 pub mod app;
 pub mod camera;
 pub mod format;
 pub mod frame;
+pub mod input;
 pub mod keys;
+pub mod link;
+pub mod options;
+pub mod pace;
 pub mod picture;
+pub mod receipt;
 pub mod terminal;
 pub mod theme;
 pub mod trails;
@@ -18,29 +23,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use ratatui::buffer::Buffer;
-use ratatui::crossterm::event::{self, Event};
+use ratatui::crossterm::event::Event;
 use ratatui::layout::Rect;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::feed::{Command, Feed};
 use app::App;
+use link::Meter;
+pub use options::Options;
+use pace::{Due, News, Pace};
 use terminal::Screen;
-
-/// How the dashboard is to look.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Options {
-    /// 7-bit characters only.
-    pub ascii: bool,
-}
-
-impl Options {
-    /// What the locale in the environment asks for.
-    pub fn from_environment() -> Self {
-        Self {
-            ascii: !theme::locale_is_utf8(|name| std::env::var(name).ok()),
-        }
-    }
-}
 
 /// Why the dashboard ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,15 +45,12 @@ pub enum Leave {
     HangUp,
 }
 
-/// Least time between two frames that only new data asks for.
-const FRAME: Duration = Duration::from_millis(100);
-/// Bytes per second that such frames may take: a large window is drawn less often, which keeps slow lines usable.
-const BUDGET: f64 = 10_000.0;
 /// Longest wait, so that a signal or a new window size is noticed.
 const TICK: Duration = Duration::from_millis(50);
-
 /// Between two looks for the run's answer to a key.
 const ANSWER: Duration = Duration::from_millis(5);
+/// Longest wait for that answer.
+const PATIENCE: Duration = Duration::from_millis(100);
 
 /// Shows the dashboard until the user leaves, `stop` is raised or the terminal vanishes.
 ///
@@ -70,71 +59,129 @@ const ANSWER: Duration = Duration::from_millis(5);
 /// # Errors
 /// When standard output is no terminal, or the terminal refuses.
 pub fn run(feed: &dyn Feed, stop: &AtomicBool, options: &Options) -> Result<Leave> {
-    let mut screen = Screen::take()?;
+    let mut screen = Screen::take(options.palette())?;
     feed.send(Command::Watch(true));
-    let left = watch(feed, stop, options, &mut screen);
+    let left = Watcher::new(feed, options).watch(stop, &mut screen);
     feed.send(Command::Watch(false));
     left
 }
 
-fn watch(
-    feed: &dyn Feed,
-    stop: &AtomicBool,
-    options: &Options,
-    screen: &mut Screen,
-) -> Result<Leave> {
-    let mut app = App::new(feed.latest(), options.ascii);
-    let mut size = (0, 0);
-    let mut urgent = true;
-    let mut changed = true;
-    let mut drawn = Instant::now();
-    let mut pause = FRAME;
-    let mut asked: Option<Instant> = None;
-    loop {
-        if stop.load(Ordering::SeqCst) {
-            // The signal may be the one that says that the terminal is gone.
-            let gone = screen.wait(Duration::ZERO).is_none();
-            return Ok(if gone { Leave::HangUp } else { Leave::Signal });
+/// The dashboard between its frames.
+struct Watcher<'a> {
+    feed: &'a dyn Feed,
+    app: App,
+    pace: Pace,
+    meter: Meter,
+    news: News,
+    /// When a key asked something of the run that it has not answered yet.
+    asked: Option<Instant>,
+    /// When a frame was last left out.
+    left_out: Instant,
+    size: (u16, u16),
+}
+
+impl<'a> Watcher<'a> {
+    fn new(feed: &'a dyn Feed, options: &Options) -> Self {
+        let now = Instant::now();
+        Self {
+            feed,
+            app: App::new(feed.latest(), options.is_ascii()),
+            pace: Pace::new(options.budget(), options.picture_rate(), now),
+            meter: Meter::new(options.budget(), now),
+            news: News::default(),
+            asked: None,
+            left_out: now,
+            size: (0, 0),
         }
-        let now_size = screen.size();
-        urgent |= std::mem::replace(&mut size, now_size) != now_size;
-        let newest = feed.latest();
-        if newest.sequence != app.latest.sequence {
-            changed |= app.observe(newest);
-            // The run's answer to a key is shown as soon as it is there.
-            urgent |= std::mem::take(&mut asked).is_some();
-        }
-        let due = urgent || changed && drawn.elapsed() >= pause;
-        // A terminal without a size shows nothing.
-        if due && screen.is_ready() && size.0 > 0 && size.1 > 0 {
-            let area = Rect::new(0, 0, size.0, size.1);
-            let mut frame = Buffer::empty(area);
-            view::draw(&app, area, &mut frame);
-            let bytes = screen.show(frame)?;
-            drawn = Instant::now();
-            pause = FRAME.max(Duration::from_secs_f64((bytes as f64 / BUDGET).min(1.0)));
-            (urgent, changed) = (false, false);
-        }
-        asked = asked.filter(|asked: &Instant| asked.elapsed() < FRAME);
-        let rest = if asked.is_some() {
-            ANSWER
-        } else if changed {
-            pause.saturating_sub(drawn.elapsed()).min(TICK)
-        } else {
-            TICK
-        };
-        let Some(keys_wait) = screen.wait(rest.max(Duration::from_millis(1))) else {
-            return Ok(Leave::HangUp);
-        };
-        screen.deliver()?;
-        while keys_wait && event::poll(Duration::ZERO).map_err(Error::Terminal)? {
-            if let Event::Key(key) = event::read().map_err(Error::Terminal)?
-                && let Some(leave) = app.press(key, &mut |command| feed.send(command))
-            {
-                return Ok(leave);
+    }
+
+    fn watch(&mut self, stop: &AtomicBool, screen: &mut Screen) -> Result<Leave> {
+        loop {
+            if stop.load(Ordering::SeqCst) {
+                // The signal may be the one that says that the terminal is gone.
+                let gone = screen.wait(Duration::ZERO).is_none();
+                return Ok(if gone { Leave::HangUp } else { Leave::Signal });
             }
-            urgent = true;
-            asked = Some(Instant::now());
+            self.look(screen.size());
+            self.draw(screen)?;
+            self.asked = self.asked.filter(|asked| asked.elapsed() < PATIENCE);
+            let rest = if self.asked.is_some() { ANSWER } else { TICK };
+            let Some(keys_wait) = screen.wait(rest) else {
+                return Ok(Leave::HangUp);
+            };
+            screen.deliver()?;
+            if keys_wait {
+                for event in screen.events() {
+                    if let Some(leave) = self.obey(&event) {
+                        return Ok(leave);
+                    }
+                }
+            }
         }
+    }
+
+    /// Looks for a new window size and a new snapshot.
+    fn look(&mut self, size: (u16, u16)) {
+        if std::mem::replace(&mut self.size, size) != size {
+            self.news.response = true;
+            self.pace.hurry();
+        }
+        let newest = self.feed.latest();
+        if newest.sequence == self.app.latest.sequence {
+            return;
+        }
+        let new_state = self.app.observe(newest);
+        if new_state {
+            self.pace.hurry();
+        }
+        // The run's answer to a key is shown as soon as it is there.
+        self.news.response |= new_state | self.asked.take().is_some();
+        self.news.numbers = !self.app.frozen;
+        self.news.picture = !self.app.frozen;
+    }
+
+    /// Draws what is due, if the terminal has taken the frame before.
+    fn draw(&mut self, screen: &mut Screen) -> Result<()> {
+        let now = Instant::now();
+        let due = self.pace.due(self.news, now);
+        // A terminal without a size shows nothing.
+        if due == Due::Nothing || self.size.0 == 0 || self.size.1 == 0 {
+            return Ok(());
+        }
+        if !screen.is_ready(self.news.response) {
+            if now.duration_since(self.left_out) >= pace::NUMBERS {
+                self.left_out = now;
+                self.meter.dropped();
+            }
+            return Ok(());
+        }
+        if due != Due::Response {
+            self.app.link = self.meter.read(now);
+            self.app.link.round_trip = screen.round_trip();
+            self.app.refresh(due == Due::Everything);
+            self.news.numbers = false;
+        }
+        self.news.response = false;
+        self.news.picture &= due != Due::Everything;
+        let area = Rect::new(0, 0, self.size.0, self.size.1);
+        let mut frame = Buffer::empty(area);
+        view::draw(&self.app, area, &mut frame);
+        let bytes = screen.show(frame)?;
+        self.meter.drew(bytes);
+        self.pace.drew(due, bytes, now);
+        Ok(())
+    }
+
+    fn obey(&mut self, event: &Event) -> Option<Leave> {
+        let leave = match event {
+            Event::Key(key) => {
+                let feed = self.feed;
+                self.app.press(*key, &mut |command| feed.send(command))
+            }
+            _ => None,
+        };
+        self.news.response = true;
+        self.asked = Some(Instant::now());
+        leave
     }
 }

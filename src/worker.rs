@@ -12,6 +12,7 @@ mod pace;
 mod run;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, Once, mpsc};
 use std::thread::{Builder, JoinHandle};
 use std::time::Instant;
@@ -32,6 +33,8 @@ pub struct Options {
     pub until: Option<f64>,
     /// Where the rows of the series go.
     pub series: Option<mpsc::Sender<SeriesRow>>,
+    /// Directory of the run, if it has one.
+    pub directory: Option<PathBuf>,
     /// When the program started, for `setup_time_s`.
     pub program_start: Instant,
 }

@@ -17,6 +17,7 @@ fn run(name: &str, until: f64) -> (Arc<Snapshot>, Outcome) {
         engine: Choice::default(),
         until: Some(until),
         series: None,
+        directory: None,
         program_start: Instant::now(),
     };
     let outcome = Worker::start(&scene, placement, options).join();

@@ -3,7 +3,7 @@
 use moltop::experiment::extremes::{Outcome, ROWS, Tier};
 
 /// Rows whose thresholds do not hold today. A row that begins to hold must leave this list.
-const FAILING: [u32; 1] = [13];
+const FAILING: [u32; 0] = [];
 
 /// Runs the parts of these rows that are of tier A.
 #[track_caller]

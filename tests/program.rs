@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
@@ -12,12 +13,16 @@ use tempfile::TempDir;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/seed-512.toml");
 
+/// Where the runs of a test have their directories.
+const STATE_HOME: &str = ".state";
+
 /// The program in a directory of its own, with no setting of the user's.
 fn moltop(directory: &TempDir, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_moltop"));
     command
         .current_dir(directory.path())
         .args(arguments)
+        .env("XDG_STATE_HOME", directory.path().join(STATE_HOME))
         .stdin(Stdio::null());
     for (name, _) in
         std::env::vars_os().filter(|(name, _)| name.to_string_lossy().starts_with("MOLTOP_"))
@@ -59,6 +64,7 @@ fn files(directory: &TempDir) -> Vec<String> {
                 .to_string_lossy()
                 .into_owned()
         })
+        .filter(|name| name != STATE_HOME)
         .collect();
     names.sort();
     names
@@ -73,6 +79,7 @@ fn check_refused(arguments: &[&str], why: &str) {
     assert_eq!(output.status.code(), Some(2), "{words}");
     assert!(words.contains(why), "{words}");
     assert!(output.stdout.is_empty() && files(&directory).is_empty());
+    assert!(!directory.path().join(STATE_HOME).exists());
 }
 
 #[test]
@@ -256,6 +263,57 @@ fn a_state_file_is_a_scene_to_go_on_from() {
     assert_eq!((balls.positions.len(), balls.bodies.len()), (512, 1));
     let output = output(&directory, &["run", "next.toml", "--until", "1"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+}
+
+#[test]
+fn a_run_leaves_a_directory_of_its_own() {
+    let directory = directory();
+    let run = |arguments: &[&str]| {
+        let run = ["run", SCENE, "--until", "1"];
+        output(&directory, &[&run, arguments].concat())
+    };
+    for _ in 0..2 {
+        assert_eq!(run(&[]).status.code(), Some(0));
+    }
+    let of_runs = directory.path().join(STATE_HOME).join("moltop");
+    let of_run = |number: u32| of_runs.join(format!("512-balls-{number}"));
+    for number in [1, 2] {
+        let read = |file: &str| fs::read_to_string(of_run(number).join(file)).expect(file);
+        assert_eq!(read("exit"), "0 finished\n");
+        assert_eq!(
+            read("scene.toml"),
+            fs::read_to_string(SCENE).expect("a scene")
+        );
+        assert!(read("summary.json").contains("\"exit\": \"finished\""));
+        assert!(read("log").contains("INFO ended: finished"));
+    }
+    let mode = |path: &Path| {
+        fs::metadata(path)
+            .expect("a directory")
+            .permissions()
+            .mode()
+            & 0o777
+    };
+    assert_eq!((mode(&of_runs), mode(&of_run(1))), (0o700, 0o700));
+    // A directory of the user's choice has a link among the others.
+    assert_eq!(run(&["--run-dir", "here"]).status.code(), Some(0));
+    assert!(of_run(3).join("exit").is_file() && directory.path().join("here/exit").is_file());
+    let again = run(&["--run-dir", "here"]);
+    assert_eq!(again.status.code(), Some(2));
+    assert!(text(&again.stderr).contains("--run-dir here: holds a run already"));
+}
+
+#[test]
+fn a_run_that_can_have_no_directory_runs_all_the_same() {
+    let directory = directory();
+    fs::write(directory.path().join(STATE_HOME), "in the way").expect("a small file");
+    let output = output(&directory, &["run", SCENE, "--until", "1"]);
+    assert_eq!(output.status.code(), Some(0));
+    let words = text(&output.stderr);
+    assert!(
+        words.contains("warning: the run has no directory"),
+        "{words}"
+    );
 }
 
 /// A run that would take days, once it has taken over the signals.

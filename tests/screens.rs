@@ -32,9 +32,15 @@ fn watching(phase: &Phase, reversed: bool) -> App {
                 error: None,
             });
         }
-        app.observe(Arc::new(snapshot));
+        show(&mut app, snapshot);
     }
     app
+}
+
+/// Takes in a snapshot and puts it on the screen, unless that is frozen.
+fn show(app: &mut App, snapshot: Snapshot) {
+    app.observe(Arc::new(snapshot));
+    app.refresh(true);
 }
 
 fn press(app: &mut App, code: KeyCode) -> (Option<Leave>, Vec<Command>) {
@@ -95,7 +101,7 @@ fn a_run_that_has_found_back() {
         retraced: 1.0,
         error: Some(3.1e-13),
     });
-    app.observe(Arc::new(back));
+    show(&mut app, back);
     golden("came_back", &app, 80, 24);
 }
 
@@ -180,7 +186,7 @@ fn a_frozen_screen_rests_while_the_run_goes_on() {
     let mut app = watching(&Phase::Running, false);
     press(&mut app, KeyCode::Char('f'));
     let before = screen(&app, 80, 24);
-    assert!(!app.observe(Arc::new(running(oxygen(), 90))));
+    show(&mut app, running(oxygen(), 90));
     assert_eq!(screen(&app, 80, 24), before);
     golden("frozen", &app, 80, 24);
 }

@@ -43,6 +43,7 @@ fn check(scene: &Scene, until: f64, tolerance: [f64; 3]) {
         engine: Choice::default(),
         until: Some(until),
         series: None,
+        directory: None,
         program_start: Instant::now(),
     };
     let last = Worker::start(scene, placement, options).join().snapshot;

@@ -523,17 +523,13 @@ fn look_at_images(
     let radius = state.bodies.of(ball).radius;
     for &other in others.iter().filter(|&&other| other as usize != ball) {
         let contact = radius + state.bodies.of(other as usize).radius;
-        for image in cells.images(cell, other) {
+        cells.for_each_image(cell, other, |image| {
             let shift = image.as_dvec3() * state.domain.period();
-            if let Some(time) = image_pair_time(
-                &trajectory,
-                &state.trajectories[other as usize],
-                contact,
-                shift,
-            ) {
+            let other_flight = &state.trajectories[other as usize];
+            if let Some(time) = image_pair_time(&trajectory, other_flight, contact, shift) {
                 best.improve(ball, other, time, image.to_array().map(|boxes| boxes as i8));
             }
-        }
+        });
     }
 }
 

@@ -54,6 +54,9 @@ const COLLISIONS_PER_WINDOW: f64 = 0.1;
 /// Longest window \[epochs\]: times in it stay exact relative to its first epoch.
 const LONGEST_WINDOW: f64 = 4.0;
 
+/// Collisions per ball with which a window is full, because its length was foreseen for a gas with room.
+const MOST_PER_WINDOW: usize = 4;
+
 /// Windows between two sortings of the balls.
 const WINDOWS_PER_SORT: u32 = 8;
 
@@ -558,16 +561,23 @@ impl Engine for Windowed {
     fn advance(&mut self, until: Time, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck> {
         while self.state.now < until {
             let window = self.window.unwrap_or_else(|| self.open());
-            let limit = if until < window.end {
+            let mut limit = if until < window.end {
                 until
             } else {
                 window.end
             };
+            let mut full = false;
             while let Some(meeting) = self.take_next(limit.relative_to(window.begin.epoch)) {
                 if meeting.other >= AT_WALL {
                     self.hit_wall(meeting, window, report)?;
                 } else {
                     self.meet(meeting, window, report)?;
+                }
+                // Long lists are slow to search: a new window begins here.
+                full = self.changed.len() > MOST_PER_WINDOW * self.balls.len();
+                if full {
+                    limit = self.state.now;
+                    break;
                 }
             }
             self.state.now = limit;
@@ -575,7 +585,7 @@ impl Engine for Windowed {
                 .counters
                 .queue_length_max
                 .max(self.queue_length() as u64);
-            if limit == window.end {
+            if full || limit == window.end {
                 self.close();
             }
         }

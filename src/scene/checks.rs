@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::contact_grid::ContactGrid;
-use super::reader::number;
+use super::reader::{number, one_line};
 use super::region::RADII_PER_PERIOD;
 use super::{Ball, Scene, Species};
 use crate::domain::{Boundary, Plane};
@@ -293,7 +293,7 @@ fn check_speeds(scene: &Scene, bodies: &[Body], velocities: &[DVec3]) -> Result<
 }
 
 pub(super) fn fault(scene: &Scene, line: usize, why: &str) -> String {
-    format!("{}:{line}: {why}", scene.path.display())
+    format!("{}:{line}: {}", scene.path.display(), one_line(why))
 }
 
 fn show(vector: DVec3) -> String {

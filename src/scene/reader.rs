@@ -112,14 +112,21 @@ impl<'t> Faults<'t> {
     }
 }
 
-/// A fault is one line, whatever the value in it looked like.
-fn one_line(words: &str) -> String {
-    let words: Vec<&str> = words.split_whitespace().collect();
+/// A fault is one line of text that can be read, whatever the value in it looked like.
+pub(super) fn one_line(words: &str) -> String {
+    const LONGEST_WORD: usize = 200;
+    let words = words.split_whitespace().map(|word| {
+        let mut letters = word.chars();
+        let mut shown: String = letters.by_ref().take(LONGEST_WORD).collect();
+        if letters.next().is_some() {
+            shown += "...";
+        }
+        shown
+    });
     words
+        .collect::<Vec<_>>()
         .join(" ")
-        .chars()
-        .map(|letter| if letter.is_control() { '?' } else { letter })
-        .collect()
+        .replace(char::is_control, "?")
 }
 
 /// A number for a message: four digits at most, so that it reads.

@@ -7,6 +7,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::memory;
+use super::reader::one_line;
 
 /// Most faults reported for one file.
 const MOST_FAULTS: usize = 20;
@@ -47,7 +48,7 @@ const IGNORED: [&str; 2] = ["index", "collisions"];
 
 /// Reads balls from a CSV file, or says in one line per fault why not.
 pub(super) fn read(path: &Path) -> Result<Rows, Vec<String>> {
-    let refuse = |words: String| vec![format!("{}: {words}", path.display())];
+    let refuse = |words: String| vec![format!("{}: {}", path.display(), one_line(&words))];
     let file = File::open(path).map_err(|error| refuse(format!("cannot read: {error}")))?;
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
@@ -66,11 +67,7 @@ pub(super) fn read(path: &Path) -> Result<Rows, Vec<String>> {
             .any(|name| name == cell)
     };
     if let Some(cell) = header.iter().find(unknown) {
-        let shown: String = cell
-            .chars()
-            .take(40)
-            .map(|letter| if letter.is_control() { '?' } else { letter })
-            .collect();
+        let shown: String = cell.chars().take(40).collect();
         return Err(refuse(format!(
             "{shown}: unknown column: known are x, y, z, vx, vy, vz, radius, mass, index, collisions"
         )));
@@ -110,9 +107,10 @@ pub(super) fn read(path: &Path) -> Result<Rows, Vec<String>> {
             }
             let shown: String = cell.chars().take(40).collect();
             faults.push(format!(
-                "{}:{line}: {} = {shown}: {limit}",
+                "{}:{line}: {} = {}: {limit}",
                 path.display(),
-                &header[column]
+                &header[column],
+                one_line(&shown)
             ));
             1.0
         };

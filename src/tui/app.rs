@@ -11,6 +11,7 @@ use crate::snapshot::{Phase, Snapshot};
 use crate::tui::Leave;
 use crate::tui::camera::Camera;
 use crate::tui::keys::{self, Action};
+use crate::tui::link::Link;
 use crate::tui::picture::Mode;
 use crate::tui::trails::Trails;
 
@@ -37,18 +38,26 @@ const PATIENCE: u64 = 3;
 
 /// The dashboard's state.
 pub struct App {
-    /// The newest snapshot.
+    /// The newest snapshot: what the run's state is known from.
     pub latest: Arc<Snapshot>,
-    /// The snapshot the screen was frozen at.
-    pub frozen: Option<Arc<Snapshot>>,
+    /// The snapshot whose numbers are on the screen.
+    pub numbers: Arc<Snapshot>,
+    /// The snapshot whose picture is on the screen.
+    pub pictured: Arc<Snapshot>,
+    /// Whether numbers and picture rest while the run goes on.
+    pub frozen: bool,
+    /// What watching costs.
+    pub link: Link,
     /// Where the picture is seen from.
     pub camera: Camera,
     /// What the picture shows.
     pub mode: Mode,
     /// The panel over the dashboard.
     pub overlay: Option<Overlay>,
-    /// Paths of the tagged molecules.
+    /// Paths of the tagged molecules up to the picture on the screen.
     pub trails: Trails,
+    /// Paths up to the newest snapshot.
+    newest_trails: Trails,
     /// Whether the screen may use 7-bit characters only.
     pub ascii: bool,
     failure_shown: bool,
@@ -63,11 +72,15 @@ impl App {
     pub fn new(first: Arc<Snapshot>, ascii: bool) -> Self {
         let mut app = Self {
             latest: first.clone(),
-            frozen: None,
+            numbers: first.clone(),
+            pictured: first.clone(),
+            frozen: false,
+            link: Link::default(),
             camera: Camera::default(),
             mode: Mode::Slab,
             overlay: None,
             trails: Trails::default(),
+            newest_trails: Trails::default(),
             ascii,
             failure_shown: false,
             free_rate: None,
@@ -75,15 +88,28 @@ impl App {
             limit_wish: None,
         };
         app.observe(first);
+        app.refresh(true);
         app
     }
 
-    /// The snapshot on the screen.
+    /// The snapshot whose numbers are on the screen.
     pub fn shown(&self) -> &Snapshot {
-        self.frozen.as_ref().unwrap_or(&self.latest)
+        &self.numbers
     }
 
-    /// Takes in a snapshot; says whether the screen changes.
+    /// Puts the newest numbers on the screen, and the newest picture too; nothing while the screen is frozen.
+    pub fn refresh(&mut self, picture: bool) {
+        if self.frozen {
+            return;
+        }
+        self.numbers = self.latest.clone();
+        if picture {
+            self.pictured = self.latest.clone();
+            self.trails.clone_from(&self.newest_trails);
+        }
+    }
+
+    /// Takes in a snapshot; says whether the run's state changed, which is shown at once.
     pub fn observe(&mut self, snapshot: Arc<Snapshot>) -> bool {
         let new_state =
             snapshot.phase != self.latest.phase || snapshot.reversed != self.latest.reversed;
@@ -104,13 +130,9 @@ impl App {
         if matches!(self.latest.phase, Phase::Failed(_)) && !self.failure_shown {
             self.failure_shown = true;
             self.overlay = Some(Overlay::Failure);
-            return true;
         }
-        if self.frozen.is_some() {
-            return new_state;
-        }
-        self.trails.record(&self.latest);
-        true
+        self.newest_trails.record(&self.latest);
+        new_state
     }
 
     /// Obeys a key: hands commands to `send`, and says when it is time to leave.
@@ -203,12 +225,8 @@ impl App {
     }
 
     fn freeze(&mut self) {
-        if self.frozen.take().is_some() {
-            // What happened behind the frozen screen would be one long straight flight.
-            self.trails.clear();
-        } else {
-            self.frozen = Some(self.latest.clone());
-        }
+        self.frozen = !self.frozen;
+        self.refresh(true);
     }
 
     /// The ceiling as the user last set it.

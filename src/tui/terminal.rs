@@ -2,10 +2,11 @@
 //!
 //! Always holds: whoever took the terminal gives it back, on return, error and panic; a terminal that is gone is never
 //! written to; and a terminal that does not read never blocks us, because writes go through a non-blocking description of
-//! our own. Frames are the difference to what was delivered last, in one write, wrapped in synchronized update (DEC 2026).
+//! our own. Frames are the difference to what was delivered last, in one write, wrapped in synchronized update (DEC 2026);
+//! the next one waits until the terminal has taken this one.
 
 use std::io::{self, Write};
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::panic;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,6 +14,7 @@ use std::thread::{self, ThreadId};
 use std::time::{Duration, Instant};
 
 use ratatui::buffer::Buffer;
+use ratatui::crossterm::event::Event;
 use ratatui::crossterm::{cursor, execute, queue, terminal};
 use ratatui::layout::Rect;
 use rustix::event::{PollFd, PollFlags, Timespec};
@@ -20,6 +22,9 @@ use rustix::fs::{Mode, OFlags};
 
 use crate::error::{Error, Result};
 use crate::tui::frame;
+use crate::tui::input::Input;
+use crate::tui::receipt::{self, Receipts};
+use crate::tui::theme::Palette;
 
 /// The thread that holds the terminal, if any.
 static HOLDER: Mutex<Option<ThreadId>> = Mutex::new(None);
@@ -33,10 +38,12 @@ const LAST_WORDS: Duration = Duration::from_millis(300);
 /// The terminal while the dashboard holds it.
 pub struct Screen {
     output: OwnedFd,
+    input: Input,
     pending: Vec<u8>,
     delivered: Buffer,
     alive: bool,
-    colors: bool,
+    palette: Palette,
+    receipts: Receipts,
 }
 
 impl Screen {
@@ -44,18 +51,23 @@ impl Screen {
     ///
     /// # Errors
     /// When standard output is no terminal or refuses.
-    pub fn take() -> Result<Self> {
+    pub fn take(palette: Palette) -> Result<Self> {
         hook_panics();
-        let output = own_description().map_err(Error::Terminal)?;
+        let output = own_description(rustix::stdio::stdout()).map_err(Error::Terminal)?;
+        // Where standard input is no terminal, keys come from the one that is drawn on.
+        let input = own_description(rustix::stdio::stdin())
+            .or_else(|_| own_description(rustix::stdio::stdout()))
+            .map_err(Error::Terminal)?;
         terminal::enable_raw_mode().map_err(Error::Terminal)?;
         *locked(&HOLDER) = Some(thread::current().id());
         let mut screen = Self {
             output,
+            input: Input::new(input),
             pending: Vec::new(),
             delivered: Buffer::empty(Rect::ZERO),
             alive: true,
-            // Source: no-color.org: set and not empty.
-            colors: std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty()),
+            palette,
+            receipts: Receipts::default(),
         };
         queue!(screen.pending, terminal::EnterAlternateScreen, cursor::Hide)
             .map_err(Error::Terminal)?;
@@ -71,21 +83,15 @@ impl Screen {
     /// Waits for a key, for room to write, or for the time to pass. Says whether keys wait to be read; `None` when the
     /// terminal is gone.
     ///
-    /// This is the only wait: crossterm's own would spin for ever on a terminal that vanishes (crossterm#793).
+    /// This is the only wait.
     pub fn wait(&mut self, time: Duration) -> Option<bool> {
-        let stdin = io::stdin();
-        let input = if rustix::termios::isatty(&stdin) {
-            stdin.as_fd()
-        } else {
-            self.output.as_fd()
-        };
         let wish = if self.pending.is_empty() {
             PollFlags::empty()
         } else {
             PollFlags::OUT
         };
         let mut fds = [
-            PollFd::from_borrowed_fd(input, PollFlags::IN),
+            PollFd::from_borrowed_fd(self.input.terminal(), PollFlags::IN),
             PollFd::from_borrowed_fd(self.output.as_fd(), wish),
         ];
         let timeout = Timespec {
@@ -102,9 +108,24 @@ impl Screen {
         self.alive.then_some(keys)
     }
 
-    /// Whether the last frame has gone out, so that another may follow.
-    pub fn is_ready(&self) -> bool {
-        self.pending.is_empty()
+    /// Whether the last frame has gone out, and has arrived as far as the terminal says so, so that another may follow;
+    /// `response` says that a key waits for it.
+    pub fn is_ready(&self, response: bool) -> bool {
+        self.pending.is_empty() && self.receipts.allow(response, Instant::now())
+    }
+
+    /// What was pressed since the last look.
+    pub fn events(&mut self) -> Vec<Event> {
+        let arrived = self.input.read();
+        if arrived.receipt {
+            self.receipts.answer(Instant::now());
+        }
+        arrived.events
+    }
+
+    /// Time from a frame to its receipt; `None` where the terminal gives none.
+    pub fn round_trip(&self) -> Option<Duration> {
+        self.receipts.round_trip
     }
 
     /// Makes the next frame a full one.
@@ -122,11 +143,15 @@ impl Screen {
             self.delivered = Buffer::empty(frame.area);
             queue!(bytes, terminal::Clear(terminal::ClearType::All)).map_err(Error::Terminal)?;
         }
-        frame::encode(&self.delivered, &frame, self.colors, &mut bytes);
+        frame::encode(&self.delivered, &frame, &self.palette, &mut bytes);
         if !bytes.is_empty() {
             queue!(self.pending, terminal::BeginSynchronizedUpdate).map_err(Error::Terminal)?;
             self.pending.append(&mut bytes);
             queue!(self.pending, terminal::EndSynchronizedUpdate).map_err(Error::Terminal)?;
+            if self.receipts.are_wanted() {
+                self.pending.extend_from_slice(receipt::QUESTION);
+                self.receipts.ask(Instant::now());
+            }
         }
         self.delivered = frame;
         let size = self.pending.len();
@@ -170,6 +195,15 @@ impl Drop for Screen {
                     break;
                 }
             }
+            // A receipt that comes later would be taken for something typed.
+            while self.receipts.is_awaited() && self.round_trip().is_some() {
+                let left = deadline.saturating_duration_since(Instant::now());
+                if left.is_zero() || self.wait(left).is_none() {
+                    break;
+                }
+                self.events();
+            }
+            let _ = rustix::termios::tcflush(&self.output, rustix::termios::QueueSelector::IFlush);
             let _ = terminal::disable_raw_mode();
         }
         for words in locked(&OVERHEARD).drain(..) {
@@ -179,15 +213,14 @@ impl Drop for Screen {
     }
 }
 
-/// A non-blocking description of the terminal that shares its flags with nobody: standard output's own must stay blocking
-/// for whoever started us.
-fn own_description() -> io::Result<OwnedFd> {
-    let stdout = rustix::stdio::stdout();
-    if !rustix::termios::isatty(stdout) {
+/// A non-blocking description of a terminal that shares its flags with nobody: standard output's own must stay blocking for
+/// whoever started us.
+fn own_description(stream: BorrowedFd) -> io::Result<OwnedFd> {
+    if !rustix::termios::isatty(stream) {
         return Err(io::Error::other("standard output is not a terminal"));
     }
     let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
-    let opened = rustix::termios::ttyname(stdout, Vec::new())
+    let opened = rustix::termios::ttyname(stream, Vec::new())
         .and_then(|name| rustix::fs::open(name, flags, Mode::empty()))
         .or_else(|_| rustix::fs::open("/dev/tty", flags, Mode::empty()));
     Ok(opened?)

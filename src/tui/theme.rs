@@ -1,15 +1,21 @@
 //! How the dashboard looks: styles from the 16 palette colours, glyphs, and the 7-bit form of both.
 //!
 //! Always holds: foreground and background are the terminal's own unless something is marked, and every mark by colour is also
-//! a mark by glyph or word. Secondary text is dim rather than "bright black", which some palettes make invisible.
+//! a mark by glyph or word. A panel names an ink by a palette colour; [`Palette`] says what that looks like.
+
+mod palette;
+
+pub use palette::{Colors, Palette, Theme};
 
 use ratatui::buffer::Buffer;
 use ratatui::style::{Color, Modifier, Style};
 
 use crate::snapshot::Phase;
 
-/// Labels, borders, keys: what the eye may skip.
-pub const QUIET: Style = Style::new().add_modifier(Modifier::DIM);
+/// Frames and rules: what must not be read to be understood.
+pub const FRAME: Style = Style::new().fg(Color::DarkGray);
+/// Labels, keys, remarks: what the eye may skip.
+pub const QUIET: Style = Style::new().fg(Color::Gray);
 /// Values.
 pub const VALUE: Style = Style::new();
 /// Titles and what must be seen first.

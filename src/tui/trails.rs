@@ -50,11 +50,6 @@ impl Trails {
     pub fn path(&self, tag: usize) -> impl Iterator<Item = [f64; 3]> + '_ {
         self.paths.get(tag).into_iter().flatten().copied()
     }
-
-    /// Forgets all paths.
-    pub fn clear(&mut self) {
-        *self = Self::default();
-    }
 }
 
 /// How many molecules at the head of the sample are tagged: those with names, or else the first few.

@@ -75,7 +75,7 @@ fn full(app: &App, area: Rect, buffer: &mut Buffer) {
     let [gas, speeds] = split(low_height).areas(left);
     let [now, run] = split(run_height).areas(right);
     header::panel(app, snapshot, head, buffer);
-    gas::panel(app, snapshot, gas, buffer);
+    gas::panel(app, gas, buffer);
     now::panel(app, snapshot, now, buffer);
     speeds::panel(snapshot, speeds, buffer);
     run::panel(app, snapshot, run, buffer);

@@ -81,14 +81,12 @@ impl Search {
                     self.consider(gas, other, [0; 3]);
                 }
                 None => {}
-                Some(cell) => {
-                    for image in cells.images(cell, other) {
-                        let shift = image.as_dvec3() * gas.state.domain.period();
-                        if may_meet(&trajectory, place, reach, shift) {
-                            self.consider(gas, other, image.to_array().map(|boxes| boxes as i8));
-                        }
+                Some(cell) => cells.for_each_image(cell, other, |image| {
+                    let shift = image.as_dvec3() * gas.state.domain.period();
+                    if may_meet(&trajectory, place, reach, shift) {
+                        self.consider(gas, other, image.to_array().map(|boxes| boxes as i8));
                     }
-                }
+                }),
             }
         }
     }

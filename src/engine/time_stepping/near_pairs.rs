@@ -143,12 +143,12 @@ impl NearPairs {
                 };
                 for &second in others {
                     let reach = reach(second as usize);
-                    for image in self.cells.images(cell, second) {
+                    self.cells.for_each_image(cell, second, |image| {
                         let apart = place - places[second as usize] + image.as_dvec3() * period;
                         if apart.length_squared() <= reach * reach {
                             self.found.push((second, image.to_array()));
                         }
-                    }
+                    });
                 }
             });
             // Balls that share several cells have been found several times.

@@ -3,13 +3,18 @@
 use std::sync::OnceLock;
 
 use super::Verdict;
+use crate::domain::Domain;
+use crate::engine::windowed::Windowed;
 use crate::experiment::extremes::dense::compressibility;
 use crate::experiment::gases::{direction, face_centred, generator, lattice};
 use crate::experiment::theory;
-use crate::experiment::trial::{EVENT, Trial};
+use crate::experiment::trial::{EVENT, Trial, WINDOWED};
 use crate::observe::speeds::Speeds;
 use crate::state::State;
 use crate::worker::engines::Choice;
+
+/// Densities of rows 31 and 32.
+const DENSITIES: [f64; 6] = [0.1, 0.3, 0.5, 0.6, 0.75, 0.9];
 
 /// What a run of a fluid gave.
 struct Run {
@@ -24,7 +29,7 @@ struct Run {
 /// Runs of two million collisions, made once for both rows.
 fn runs() -> &'static [Run] {
     static RUNS: OnceLock<Vec<Run>> = OnceLock::new();
-    RUNS.get_or_init(|| [0.1, 0.3, 0.5, 0.6, 0.75, 0.9].map(run).into())
+    RUNS.get_or_init(|| DENSITIES.map(run).into())
 }
 
 fn run(density: f64) -> Run {
@@ -83,6 +88,33 @@ pub fn rate() -> Verdict {
         let expected = theory::collision_rate(run.density);
         let what = format!("collision rate at density {}", run.density);
         verdict.near(what, run.rate, expected, 0.005 * expected);
+    }
+    verdict
+}
+
+/// Rows 31 and 32, engine windowed: the same states as engine event, so the same pressure and rate.
+pub fn windowed() -> Verdict {
+    let mut verdict = Verdict::default();
+    for density in DENSITIES {
+        let mut gas = face_centred(7, density, 31);
+        if !Windowed::supports(&gas) {
+            // Walls instead, clear of the balls next to them.
+            gas.domain = Domain::container(gas.domain.half_size + 0.1);
+        }
+        let time = 200.0 / theory::collision_rate(density);
+        let [event, windowed] = [EVENT, WINDOWED].map(|choice| {
+            let mut trial = Trial::new(choice, &gas);
+            trial.run(time);
+            (trial.events(), trial.state().hash())
+        });
+        verdict.holds(
+            format!(
+                "density {density}: {} collisions as by engine event",
+                event.0
+            ),
+            windowed == event,
+            "the same state, bit for bit",
+        );
     }
     verdict
 }

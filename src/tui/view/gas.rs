@@ -13,7 +13,8 @@ use crate::tui::theme::{self, Glyphs};
 use crate::tui::trails::mean_edge;
 
 /// Draws the panel.
-pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
+    let snapshot = &*app.pictured;
     let camera = &app.camera;
     let zoom = if camera.zoom_steps == 0 {
         String::new()
@@ -134,9 +135,9 @@ fn style(layer: Layer) -> Option<Style> {
         |tag: u8| Style::new().fg(theme::TAG_COLORS[usize::from(tag) % theme::TAG_COLORS.len()]);
     match layer {
         Layer::Empty => None,
-        Layer::Edge | Layer::Plane | Layer::Molecule(0) => Some(theme::QUIET),
-        Layer::Molecule(1) | Layer::Shade => Some(theme::VALUE),
-        Layer::Molecule(_) => Some(theme::STRONG),
+        Layer::Edge => Some(theme::FRAME),
+        // One look for all of them: on a slow line a change of style costs more than a molecule.
+        Layer::Plane | Layer::Molecule(_) | Layer::Shade => Some(theme::VALUE),
         Layer::Trail(index) => Some(tag(index)),
         Layer::Tag(index) => Some(tag(index).add_modifier(Modifier::BOLD)),
     }

@@ -68,7 +68,7 @@ pub(super) fn state(app: &App) -> String {
         (Phase::Finished, _) => "finished",
         (Phase::Failed(_), _) => "failed",
     };
-    if app.frozen.is_some() {
+    if app.frozen {
         format!("● screen frozen, run {words}")
     } else {
         format!("● {words}")

@@ -80,9 +80,8 @@ pub(super) fn panel(_app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Bu
         }
         row += height;
     }
-    if let (true, Some(first), Some(last)) =
-        (with_axes, snapshot.history.first(), snapshot.history.last())
-    {
+    let ends = chart::time_ends(&entries[0].series.points, inner.width);
+    if let (true, Some((first, last))) = (with_axes, ends) {
         let units = snapshot.scene.units;
         let axis = Rect {
             y: inner.y + row,
@@ -90,8 +89,8 @@ pub(super) fn panel(_app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Bu
             ..inner
         }
         .intersection(inner);
-        let time = |time: f64| quantity(Some(time), "s", units, 4);
-        chart::time_axis(&time(first.time), &time(last.time), axis, buffer);
+        let time = |time: f64| quantity(Some(time), "s", units, 3);
+        chart::time_axis(&time(first), &time(last), axis, buffer);
     }
 }
 

@@ -71,7 +71,7 @@ fn progress(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     let eighths = (share.clamp(0.0, 1.0) * f64::from(room) * 8.0) as u16;
     for column in 0..room {
         let (glyph, style) = match eighths.saturating_sub(8 * column) {
-            0 => ("─", theme::QUIET),
+            0 => ("─", theme::FRAME),
             level @ 1..8 => (
                 ["▏", "▎", "▍", "▌", "▋", "▊", "▉"][usize::from(level - 1)],
                 theme::BAR,

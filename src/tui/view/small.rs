@@ -37,7 +37,7 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
             width: body.width - NUMBERS,
             ..body
         };
-        gas::panel(app, snapshot, picture, buffer);
+        gas::panel(app, picture, buffer);
         body.width = NUMBERS;
     } else if body.height >= ROWS + PICTURE.1 {
         let picture = Rect {
@@ -45,7 +45,7 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
             height: body.height - ROWS,
             ..body
         };
-        gas::panel(app, snapshot, picture, buffer);
+        gas::panel(app, picture, buffer);
         body.height = ROWS;
     }
     let inner = Rect {

@@ -2,7 +2,7 @@
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
-use ratatui::style::{Modifier, Style};
+use ratatui::style::{Color, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, BorderType, Widget};
 
@@ -50,7 +50,7 @@ pub(super) fn framed(buffer: &mut Buffer, area: Rect, title: Line) -> Rect {
 pub(super) fn framed_with_foot(buffer: &mut Buffer, area: Rect, title: Line, foot: &str) -> Rect {
     let block = Block::bordered()
         .border_type(BorderType::Rounded)
-        .border_style(theme::QUIET)
+        .border_style(theme::FRAME)
         .title(title)
         .title_bottom(Line::styled(foot, theme::QUIET));
     let inner = block.inner(area);
@@ -62,7 +62,7 @@ pub(super) fn framed_with_foot(buffer: &mut Buffer, area: Rect, title: Line, foo
 pub(super) fn title<'a>(name: &'a str, remark: &str) -> Line<'a> {
     let mut spans = vec![Span::styled(
         format!(" {name} "),
-        theme::STRONG.remove_modifier(Modifier::DIM), // the border is dim
+        theme::STRONG.fg(Color::Reset), // the border has its own
     )];
     if !remark.is_empty() {
         spans.push(Span::styled(format!("· {remark} "), theme::QUIET));

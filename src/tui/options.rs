@@ -1,0 +1,65 @@
+//! How the dashboard is to look and how much it may send: options of the watcher, not of the run.
+
+use clap::Args;
+use clap::builder::FalseyValueParser;
+
+use crate::tui::pace;
+use crate::tui::theme::{Colors, Palette, Theme, locale_is_utf8};
+
+/// What the command line says of the screen.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Screen")]
+pub struct Options {
+    /// 7-bit characters only [default: where the locale is not UTF-8]
+    #[arg(long, env = "MOLTOP_ASCII", value_parser = FalseyValueParser::new())]
+    pub ascii: bool,
+    /// Colours that are sent [default: auto, 16 of the terminal's own palette, none if the environment says so]
+    #[arg(
+        long,
+        value_name = "WHICH",
+        env = "MOLTOP_COLORS",
+        hide_possible_values = false
+    )]
+    pub colors: Option<Colors>,
+    /// Colours that are chosen [default: any]
+    #[arg(long, value_name = "NAME", env = "MOLTOP_THEME")]
+    pub theme: Option<Theme>,
+    /// Bytes per second at the most: on a slow line the picture waits first, the numbers last [default: 8000]
+    #[arg(long, value_name = "N", env = "MOLTOP_MAX_BYTES_PER_S", value_parser = clap::value_parser!(u32).range(50..))]
+    pub max_bytes_per_s: Option<u32>,
+    /// Pictures of the gas per second at the most [default: 1]
+    #[arg(long, value_name = "N", env = "MOLTOP_PICTURES_PER_S", value_parser = pictures)]
+    pub pictures_per_s: Option<f64>,
+}
+
+fn pictures(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(rate) if (0.01..=30.0).contains(&rate) => Ok(rate),
+        _ => Err("must be a number from 0.01 to 30".to_owned()),
+    }
+}
+
+impl Options {
+    /// Whether the screen keeps to 7-bit characters.
+    pub fn is_ascii(&self) -> bool {
+        self.ascii || !locale_is_utf8(|name| std::env::var(name).ok())
+    }
+
+    /// The colours that are sent.
+    pub fn palette(&self) -> Palette {
+        let colors = self.colors.unwrap_or_default();
+        let resolved = colors.resolved(|name| std::env::var(name).ok());
+        Palette::new(self.theme.unwrap_or_default(), resolved)
+    }
+
+    /// Pictures per second at the most.
+    pub fn picture_rate(&self) -> f64 {
+        self.pictures_per_s.unwrap_or(1.0)
+    }
+
+    /// Bytes per second at the most; who wishes for more pictures gets more bytes unless these are named.
+    pub fn budget(&self) -> f64 {
+        self.max_bytes_per_s
+            .map_or(pace::BUDGET * self.picture_rate().max(1.0), f64::from)
+    }
+}

@@ -77,6 +77,23 @@ pub struct Sums {
 }
 
 impl Sums {
+    /// The part of these sums that falls into the first `share` of their time; counts are rounded down.
+    #[must_use]
+    pub fn share(&self, share: f64) -> Self {
+        let part = |all: u64| (all as f64 * share) as u64;
+        Self {
+            begin: self.begin,
+            end: self
+                .begin
+                .after(share * self.end.since(self.begin))
+                .unwrap_or(self.end),
+            pair_collisions: part(self.pair_collisions),
+            wall_collisions: part(self.wall_collisions),
+            pair_virial: share * self.pair_virial,
+            wall_impulse: share * self.wall_impulse,
+        }
+    }
+
     /// What is left of these sums when an earlier part, with the same beginning, is taken away.
     #[must_use]
     pub fn since(&self, earlier: &Self) -> Self {

@@ -144,7 +144,7 @@ impl Statistical {
             rules,
             state,
         };
-        if engine.clock.number() % 2 == 0 {
+        if engine.clock.number().is_multiple_of(2) {
             engine.clock.tick();
         }
         engine.take_in();
@@ -163,12 +163,7 @@ impl Statistical {
             if let Some(image) = self.images.get_mut(ball) {
                 *image = self.state.images[ball] + boxes;
             }
-            let record = Record {
-                position: position.as_vec3().to_array(),
-                velocity: velocity.as_vec3().to_array(),
-                ball: ball as u32,
-                collisions: 0,
-            };
+            let record = Record::new(ball, position, velocity);
             self.bins[0].push(self.rules.cells.of(record.position), record);
         }
     }
@@ -213,9 +208,9 @@ impl Statistical {
             shares.for_each(|share| {
                 scope.spawn(move || work(rules, bodies, old, now, share));
             });
-            first
-                .into_iter()
-                .for_each(|share| work(rules, bodies, old, now, share));
+            if let Some(share) = first {
+                work(rules, bodies, old, now, share);
+            }
         });
         self.pending.collisions.clear();
         self.pending.done = 0;
@@ -311,21 +306,14 @@ impl Pending {
         if end <= self.reported.end {
             return;
         }
-        let share = end.since(sums.begin) / sums.end.since(sums.begin);
-        let part = |all: u64| {
-            if end < sums.end {
-                (all as f64 * share) as u64
-            } else {
-                all
+        let so_far = if end < sums.end {
+            let share = end.since(sums.begin) / sums.end.since(sums.begin);
+            Sums {
+                end,
+                ..sums.share(share)
             }
-        };
-        let so_far = Sums {
-            begin: sums.begin,
-            end,
-            pair_collisions: part(sums.pair_collisions),
-            wall_collisions: part(sums.wall_collisions),
-            pair_virial: share * sums.pair_virial,
-            wall_impulse: share * sums.wall_impulse,
+        } else {
+            sums
         };
         report(Report::Sums(&so_far.since(&self.reported)));
         self.reported = so_far;
@@ -365,7 +353,12 @@ impl Engine for Statistical {
         }
         let Self {
             state,
-            rules, bins, clock, images, .. } = self;
+            rules,
+            bins,
+            clock,
+            images,
+            ..
+        } = self;
         let ahead = clock.next_end().since(state.now);
         for bins in bins {
             bins.for_each_mut(|record| {

@@ -15,7 +15,9 @@ use crate::history::History;
 use crate::observe::Observer;
 use crate::scene::Scene;
 use crate::scene::analysis::Theory;
-use crate::snapshot::{Expected, HistoryPoint, Phase, SceneCard, SeriesRow, Snapshot};
+use crate::snapshot::{
+    Expected, HistoryPoint, NamedBall, Phase, Sample, SceneCard, SeriesRow, Snapshot,
+};
 use crate::state::{Placement, State};
 
 /// Wall time between two snapshots.
@@ -26,6 +28,9 @@ const HISTORY_EVERY_S: f64 = 0.5;
 
 /// Share of the wall time that may go into reading every ball.
 const SURVEY_SHARE: f64 = 0.003;
+
+/// Share of the wall time that may go into settling the engine for a picture.
+const CLOSER_LOOK_SHARE: f64 = 0.05;
 
 /// Wall time between two surveys, at least.
 const SURVEY_EVERY: Duration = Duration::from_secs(1);
@@ -91,6 +96,10 @@ struct Run<'a> {
     survey_due: Instant,
     meter: Meter,
     slices: Slices,
+    /// The named balls and the sample for the picture, as of the last closer look.
+    named: Vec<NamedBall>,
+    sample: Option<Arc<Sample>>,
+    closer_look_due: Instant,
     history: History,
     history_due: f64,
     last_point: Totals,
@@ -137,6 +146,9 @@ pub fn run(
         survey,
         survey_due,
         meter: Meter::default(),
+        named: Vec::new(),
+        sample: None,
+        closer_look_due: Instant::now(),
         history: History::default(),
         history_due: HISTORY_EVERY_S,
         last_point: Totals::default(),
@@ -277,7 +289,7 @@ impl Run<'_> {
         let observer = &mut self.observer;
         let until = self.engine.state().units.instant(target);
         self.engine
-            .advance(until, &mut |collision| observer.record(collision))?;
+            .advance_in_sums(until, &mut |report| observer.take(report))?;
         let spent = began.elapsed();
         self.slices.learn(self.time() - time, spent);
         self.meter
@@ -315,6 +327,7 @@ impl Run<'_> {
 
     fn look_at_every_ball(&mut self) {
         let began = Instant::now();
+        self.engine.settle();
         self.survey = Survey::of(self.engine.state(), &self.observer);
         self.survey_due = Instant::now() + survey_pause(began.elapsed());
     }
@@ -384,7 +397,34 @@ impl Run<'_> {
             .map(|energy| energy / self.setting.card.units.boltzmann())
     }
 
+    /// Sees where the balls of the picture and the named ones are, unless that would cost too much wall time.
+    fn look_closer(&mut self) {
+        if !self.watched {
+            self.sample = None;
+        }
+        let wanted = self.watched || !self.setting.named.is_empty();
+        if !wanted
+            || (Instant::now() < self.closer_look_due && self.sample.is_some() == self.watched)
+        {
+            return;
+        }
+        let began = Instant::now();
+        self.engine.settle();
+        self.closer_look_due = began + began.elapsed().div_f64(CLOSER_LOOK_SHARE);
+        let (state, setting, time) = (self.engine.state(), self.setting, self.time());
+        let temperature = self.temperature().filter(|_| !self.reversed);
+        self.named = setting
+            .named
+            .iter()
+            .map(|ball| ball.at(state, temperature, time))
+            .collect();
+        self.sample = self
+            .watched
+            .then(|| Arc::new(measure::sample(state, &setting.sampled, &setting.names)));
+    }
+
     fn publish(&mut self, state_hash: Option<u64>) {
+        self.look_closer();
         self.sequence += 1;
         self.published = Instant::now();
         let card = &self.setting.card;
@@ -439,26 +479,15 @@ impl Run<'_> {
                 card.packing_fraction,
                 pair_rate.map_or(0.0, |rate| 2.0 * rate / balls),
             )
-            .filter(|_| self.engine.name() != "reversible"),
+            .filter(|_| !matches!(self.engine.name(), "reversible" | "statistical")),
             speeds: self.survey.speeds.clone(),
             queue_length: self.engine.queue_length() as u64,
             queue_length_max: counters.queue_length_max,
             peak_rss_bytes: measure::peak_memory(),
             state_hash,
-            named: self
-                .setting
-                .named
-                .iter()
-                .map(|ball| ball.at(state, temperature.filter(|_| !self.reversed), time))
-                .collect(),
+            named: self.named.clone(),
             history: self.history.points(),
-            sample: self.watched.then(|| {
-                Arc::new(measure::sample(
-                    state,
-                    &self.setting.sampled,
-                    &self.setting.names,
-                ))
-            }),
+            sample: self.sample.clone(),
             ..self.setting.first_snapshot()
         });
     }

@@ -2,6 +2,8 @@
 //!
 //! Balls lie in the order in which they were put in. A bin takes any number of them, so no gas is too uneven.
 
+use glam::DVec3;
+
 /// Balls in a chunk: half a kibibyte.
 const CHUNK: usize = 16;
 
@@ -17,6 +19,18 @@ pub struct Record {
     pub ball: u32,
     /// Its collisions since they were last added to the state's.
     pub collisions: u32,
+}
+
+impl Record {
+    /// A ball that has not collided yet.
+    pub fn new(ball: usize, position: DVec3, velocity: DVec3) -> Self {
+        Self {
+            position: position.as_vec3().to_array(),
+            velocity: velocity.as_vec3().to_array(),
+            ball: ball as u32,
+            collisions: 0,
+        }
+    }
 }
 
 /// The bins of all cells.
@@ -56,7 +70,7 @@ impl Bins {
     #[inline(always)]
     pub fn push(&mut self, cell: usize, record: Record) {
         let mut tail = self.tails[cell] as usize;
-        if tail % CHUNK == 0 {
+        if tail.is_multiple_of(CHUNK) {
             tail = self.extend(cell, tail);
         }
         self.records[tail] = record;
@@ -98,8 +112,11 @@ impl Bins {
     pub fn for_each_mut(&mut self, mut change: impl FnMut(&mut Record)) {
         for cell in 0..self.heads.len() {
             let tail = self.tails[cell] as usize;
+            if tail == 0 {
+                continue;
+            }
             let mut chunk = self.heads[cell] as usize;
-            while tail > 0 {
+            loop {
                 let begin = chunk * CHUNK;
                 let is_last = tail <= begin + CHUNK && tail > begin;
                 let end = if is_last { tail } else { begin + CHUNK };
@@ -125,10 +142,7 @@ mod tests {
             let mut twin = vec![Vec::new(); 3];
             for ball in 0..1000_u32 {
                 let cell = (ball.wrapping_mul(2_654_435_769) >> 28) as usize % (2 + round);
-                let record = Record {
-                    ball,
-                    ..Record::default()
-                };
+                let record = Record::new(ball as usize, DVec3::ZERO, DVec3::ZERO);
                 bins.push(cell, record);
                 twin[cell].push(record);
             }

@@ -37,7 +37,7 @@ impl Cells {
             reach,
             dimensions: cells.to_array().map(|cells| cells as usize),
             scale: (0.5 * cells / reach).as_vec3().to_array(),
-            offset: (0.5 * cells).as_vec3().to_array(),
+            offset: (0.5 * cells - 0.5).as_vec3().to_array(),
         }
     }
 
@@ -65,12 +65,19 @@ impl Cells {
     /// The cell of a centre; the outermost take what is beyond.
     #[inline(always)]
     pub fn of(&self, position: [f32; 3]) -> usize {
-        let coordinate = |axis: usize| {
-            let place = position[axis] * self.scale[axis] + (self.offset[axis] - 0.5);
-            let whole = (place.max(0.0) + MAGIC).to_bits() & 0x007f_ffff;
-            (whole as usize).min(self.dimensions[axis] - 1)
-        };
-        (coordinate(2) * self.dimensions[1] + coordinate(1)) * self.dimensions[0] + coordinate(0)
+        let [x, y, z] = [
+            self.coordinate(position, 0),
+            self.coordinate(position, 1),
+            self.coordinate(position, 2),
+        ];
+        (z * self.dimensions[1] + y) * self.dimensions[0] + x
+    }
+
+    #[inline(always)]
+    fn coordinate(&self, position: [f32; 3], axis: usize) -> usize {
+        let place = position[axis] * self.scale[axis] + self.offset[axis];
+        let whole = (place.max(0.0) + MAGIC).to_bits() & 0x007f_ffff;
+        (whole as usize).min(self.dimensions[axis] - 1)
     }
 }
 

@@ -6,7 +6,7 @@ use clap::builder::FalseyValueParser;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 
-use crate::experiment::extremes;
+use crate::experiment::{extremes, gas, page};
 use crate::generate::{Draw, Format, GASES};
 use crate::tui;
 use crate::worker::engines::{CalendarName, EngineName};
@@ -36,6 +36,12 @@ pub struct Cli {
     /// Scene and outputs of a run that is watched.
     #[command(flatten)]
     pub watch: RunOptions,
+    /// Keep run and dashboard in one process: the run ends with its dashboard
+    #[arg(long, env = "MOLTOP_IN_PROCESS", value_parser = FalseyValueParser::new())]
+    pub in_process: bool,
+    /// Be the run, for the process that started this one.
+    #[arg(long, hide = true)]
+    pub run_process: bool,
     /// How the run is shown.
     #[command(flatten)]
     pub screen: tui::Options,
@@ -56,6 +62,20 @@ pub enum Command {
         /// Accept a run whose estimated cost is above an hour, or that has no end
         #[arg(long, env = "MOLTOP_YES", value_parser = FalseyValueParser::new())]
         yes: bool,
+    },
+    /// Watch a run that is going on
+    #[command(
+        after_help = "Any number of dashboards can watch a run. `d` leaves and lets the run go on, `q` asks whether to stop it."
+    )]
+    Attach {
+        /// Name of the run, or the beginning of it [default: the newest one that is going on]
+        run: Option<String>,
+        /// Look only: no key reaches the run
+        #[arg(long, env = "MOLTOP_READ_ONLY", value_parser = FalseyValueParser::new())]
+        read_only: bool,
+        /// How the run is shown.
+        #[command(flatten)]
+        screen: tui::Options,
     },
     /// Check a scene, say what it is and what it will cost, and run nothing
     Check {
@@ -115,6 +135,26 @@ pub enum Experiment {
                       Examples:\n  moltop experiment extremes --quick --out results\n  moltop experiment extremes --row 8 25"
     )]
     Extremes(extremes::Options),
+    /// How run time grows with the number of balls, engine by engine, at a known accuracy
+    #[command(
+        after_help = "Takes about half an hour, --quick a minute. Example:\n  moltop experiment growth --quick --out results"
+    )]
+    Growth(page::Options),
+    /// How far a gas finds the way back after its velocities have been turned round
+    #[command(
+        after_help = "Takes some minutes, --quick half a minute. Example:\n  moltop experiment reversal --quick --out results"
+    )]
+    Reversal(page::Options),
+    /// How many events wait, and what they cost in memory, calendar by calendar
+    #[command(
+        after_help = "Takes some minutes, --quick ten seconds. Example:\n  moltop experiment queue --quick --out results"
+    )]
+    Queue(page::Options),
+    /// Oxygen near standard conditions: temperature and pressure, sample by sample, against theory
+    #[command(
+        after_help = "Takes some minutes on two cores, --quick ten seconds, --full hours. Example:\n  moltop experiment gas --quick --out results"
+    )]
+    Gas(gas::Options),
 }
 
 /// What `generate` makes.

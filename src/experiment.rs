@@ -5,7 +5,17 @@
 
 pub mod all_pairs;
 pub mod double_double;
+pub mod echo;
 pub mod extremes;
+pub mod fit;
+pub mod gas;
 pub mod gases;
+pub mod growth;
+pub mod page;
+pub mod plot;
+pub mod precise;
+pub mod progress;
+pub mod queue;
+pub mod reversal;
 pub mod theory;
 pub mod trial;

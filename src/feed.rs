@@ -1,11 +1,19 @@
-//! The seam between a run and whoever watches it.
+//! The seam between a run and whoever watches it, in the same process or through a socket.
+
+mod place;
+
+pub mod message;
+pub mod server;
+pub mod socket;
 
 use std::sync::Arc;
 
-use crate::snapshot::Snapshot;
+use serde::{Deserialize, Serialize};
+
+use crate::snapshot::{Phase, Snapshot};
 
 /// What a watcher may ask of a run.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Command {
     /// Hold the engine.
     Pause,
@@ -23,10 +31,27 @@ pub enum Command {
     Stop,
 }
 
+/// What a watcher may do with a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Access {
+    /// The run ends with it: both are one process.
+    #[default]
+    Owner,
+    /// It may command the run and leave it running.
+    Watcher,
+    /// It may only look.
+    ReadOnly,
+}
+
 /// A run as its watchers see it: the newest snapshot wins, and the engine never waits.
 pub trait Feed {
     /// The newest snapshot.
     fn latest(&self) -> Arc<Snapshot>;
     /// Hands a command to the run; it is obeyed within 50 ms.
     fn send(&self, command: Command);
+    /// Whether the run has been stopped before its end: there will be no more news.
+    fn was_stopped(&self) -> bool {
+        let latest = self.latest();
+        latest.state_hash.is_some() && !matches!(latest.phase, Phase::Finished | Phase::Failed(_))
+    }
 }

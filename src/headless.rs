@@ -1,6 +1,7 @@
-//! A run without a screen: waits for its end and says on stderr how far it is.
+//! A run without a screen: waits for its end and says how far it is.
 //!
-//! On a terminal one line is rewritten; elsewhere a plain line appears every few seconds.
+//! On a terminal one line on stderr is rewritten; elsewhere a plain line appears there every few seconds. A run that has
+//! neither writes a line into its log now and then.
 
 use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, Instant};
@@ -20,21 +21,43 @@ const REWRITE: Duration = Duration::from_millis(250);
 /// Time between two plain lines.
 const NEXT_LINE: Duration = Duration::from_secs(5);
 
-/// Waits until the run ends or a signal arrives, whichever comes first.
+/// Time between two lines of the log.
+const NEXT_ENTRY: Duration = Duration::from_secs(600);
+
+/// Waits until the run ends or a signal arrives, whichever comes first; tells on stderr how far it is.
 pub fn wait(feed: &dyn Feed, signals: &Signals) -> Exit {
     let mut progress = Progress::new();
+    let exit = wait_and(feed, signals, &mut |snapshot| progress.show(snapshot));
+    progress.clear();
+    exit
+}
+
+/// The same, telling the log alone.
+pub fn wait_silently(feed: &dyn Feed, signals: &Signals) -> Exit {
+    let mut last = Instant::now();
+    wait_and(feed, signals, &mut |snapshot| {
+        if last.elapsed() >= NEXT_ENTRY {
+            last = Instant::now();
+            tracing::info!("{}", line(snapshot));
+        }
+    })
+}
+
+fn wait_and(feed: &dyn Feed, signals: &Signals, tell: &mut dyn FnMut(&Snapshot)) -> Exit {
     loop {
         let snapshot = feed.latest();
-        let exit = match &snapshot.phase {
-            Phase::Finished => Some(Exit::Finished),
-            Phase::Failed(why) => Some(Exit::Failed(why.clone())),
-            _ => signals.received().map(Exit::Signal),
-        };
-        if let Some(exit) = exit {
-            progress.clear();
-            return exit;
+        match &snapshot.phase {
+            Phase::Finished => return Exit::Finished,
+            Phase::Failed(why) => return Exit::Failed(why.clone()),
+            _ => {}
         }
-        progress.show(&snapshot);
+        if let Some(signal) = signals.received() {
+            return Exit::Signal(signal);
+        }
+        if feed.was_stopped() {
+            return Exit::Quit;
+        }
+        tell(&snapshot);
         std::thread::sleep(LOOK);
     }
 }

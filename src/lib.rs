@@ -47,6 +47,7 @@ pub mod output;
 pub mod quantity;
 pub mod run;
 pub mod run_directory;
+pub mod run_process;
 pub mod scene;
 pub mod signals;
 pub mod snapshot;

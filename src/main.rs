@@ -10,11 +10,15 @@ use moltop::check::Report;
 use moltop::cli::{Cli, Command, Experiment, Generate, RunOptions};
 use moltop::convert::convert;
 use moltop::error::{Error, Result};
-use moltop::experiment::extremes;
+use moltop::experiment::{extremes, gas, growth, queue, reversal};
+use moltop::feed::socket::SocketFeed;
+use moltop::feed::{self, Access, Feed};
 use moltop::generate::{self, Balls, Extent, GASES};
 use moltop::headless;
 use moltop::output::Target;
-use moltop::run::{Prepared, load, say};
+use moltop::run::{Prepared, load, say, tell};
+use moltop::run_directory::Found;
+use moltop::run_process::{self, Started};
 use moltop::signals::Signals;
 use moltop::summary::Exit;
 use moltop::tui::{self, Leave};
@@ -24,10 +28,17 @@ fn main() -> ExitCode {
     let program_start = Instant::now();
     let cli = Cli::parse();
     let done = match cli.command {
-        None => watch(&cli.watch, &cli.screen, program_start),
+        None if cli.run_process => run_process::run(&cli.watch, program_start),
+        None if cli.in_process => watch_here(&cli.watch, &cli.screen, program_start),
+        None => start_and_watch(&cli.screen),
+        Some(Command::Attach {
+            run,
+            read_only,
+            screen,
+        }) => attach(run.as_deref(), read_only, &screen),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
-        Some(Command::Experiment(Experiment::Extremes(options))) => extremes::run(&options),
+        Some(Command::Experiment(what)) => experiment(&what),
         Some(Command::Generate { what }) => generate(&what),
         Some(Command::Convert {
             input,
@@ -63,28 +74,99 @@ fn run(options: &RunOptions, yes: bool, program_start: Instant) -> Result<u8> {
         return Err(Error::Usage(why));
     }
     let signals = Signals::listen()?;
-    let run = prepared.start(program_start)?;
-    let exit = headless::wait(&run.feed(), &signals);
-    Ok(run.finish(exit)?.code())
-}
-
-fn watch(options: &RunOptions, screen: &tui::Options, program_start: Instant) -> Result<u8> {
-    if !io::stdout().is_terminal() {
-        return Err(Error::Usage(
-            "the dashboard needs a terminal: `moltop run SCENE` needs none".to_owned(),
+    let mut run = prepared.start(program_start)?;
+    if let Err(error) = run.serve() {
+        say(&format!(
+            "moltop: warning: nobody can attach to this run: {error}"
         ));
     }
+    let exit = headless::wait(&run.feed(), &signals);
+    Ok(tell(&run.finish(exit)))
+}
+
+/// Starts a run in a process of its own, and watches it.
+fn start_and_watch(screen: &tui::Options) -> Result<u8> {
+    needs_terminal()?;
+    match run_process::start()? {
+        Started::Run(run) => watch(&run, Access::Watcher, screen),
+        Started::Refused(code) => Ok(code),
+    }
+}
+
+fn attach(run: Option<&str>, read_only: bool, screen: &tui::Options) -> Result<u8> {
+    needs_terminal()?;
+    let run = run.map_or_else(Found::newest, Found::by_name)?;
+    let access = if read_only {
+        Access::ReadOnly
+    } else {
+        Access::Watcher
+    };
+    watch(&run, access, screen)
+}
+
+/// Watches a run of another process until the user leaves it.
+fn watch(run: &Found, access: Access, screen: &tui::Options) -> Result<u8> {
+    let signals = Signals::listen()?;
+    let feed = SocketFeed::connect(run, access == Access::ReadOnly)?;
+    let left = tui::run(&feed, access, signals.stop(), screen);
+    let goes_on = || {
+        let name = &run.name;
+        say(&format!(
+            "{name} goes on: `moltop attach {name}` watches it, `moltop stop {name}` ends it"
+        ));
+    };
+    match left? {
+        Leave::Detach => goes_on(),
+        Leave::Signal => {
+            goes_on();
+            return Ok(signals
+                .received()
+                .map_or(0, |signal| Exit::Signal(signal).code()));
+        }
+        Leave::HangUp => return Ok(Exit::Signal(SIGHUP).code()),
+        Leave::Quit | Leave::Stopped => {
+            feed.send(feed::Command::Stop);
+            return run_process::wait_for_end(run, &feed, &signals).map(|ending| tell(&ending));
+        }
+    }
+    Ok(0)
+}
+
+/// Runs and watches in one process.
+fn watch_here(options: &RunOptions, screen: &tui::Options, program_start: Instant) -> Result<u8> {
+    needs_terminal()?;
     let prepared = Prepared::new(options)?;
     let signals = Signals::listen()?;
     let run = prepared.start(program_start)?;
-    let left = tui::run(&run.feed(), signals.stop(), screen);
+    let left = tui::run(&run.feed(), Access::Owner, signals.stop(), screen);
     let exit = match (&left, signals.received()) {
         (_, Some(number)) => Exit::Signal(number),
         (Ok(Leave::HangUp), None) => Exit::Signal(SIGHUP),
         _ => Exit::Quit,
     };
-    let code = run.finish(exit)?.code(); // whatever became of the screen, the results are written
+    let code = tell(&run.finish(exit)); // whatever became of the screen, the results are written
     left.map(|_| code)
+}
+
+fn experiment(what: &Experiment) -> Result<u8> {
+    match what {
+        Experiment::Extremes(options) => extremes::run(options),
+        Experiment::Growth(options) => growth::run(options),
+        Experiment::Reversal(options) => reversal::run(options),
+        Experiment::Queue(options) => queue::run(options),
+        Experiment::Gas(options) => gas::run(options),
+    }
+}
+
+fn needs_terminal() -> Result<()> {
+    let dumb = std::env::var_os("TERM").is_some_and(|kind| kind == "dumb");
+    if io::stdout().is_terminal() && !dumb {
+        return Ok(());
+    }
+    let kind = if dumb { " that is not dumb" } else { "" };
+    Err(Error::Usage(format!(
+        "the dashboard needs a terminal{kind}: `moltop run SCENE` needs none"
+    )))
 }
 
 fn check(scene: Option<&PathBuf>, json: bool) -> Result<u8> {

@@ -8,6 +8,8 @@ use std::time::Instant;
 use crate::check::Report;
 use crate::cli::RunOptions;
 use crate::error::{Error, Result};
+use crate::feed::message::Ending;
+use crate::feed::server::Server;
 use crate::feed::{Command, Feed};
 use crate::output::{SeriesWriter, Target, write_state};
 use crate::run_directory::{self, RunDirectory};
@@ -38,6 +40,7 @@ struct Outputs {
 pub struct Run {
     worker: Worker,
     directory: Option<RunDirectory>,
+    server: Option<Server>,
     summary: Option<Target>,
     series: Option<SeriesWriter>,
     state: Option<Target>,
@@ -128,6 +131,7 @@ impl Prepared {
         Ok(Run {
             worker,
             directory,
+            server: None,
             summary,
             series,
             state,
@@ -178,11 +182,24 @@ impl Run {
         self.worker.feed()
     }
 
-    /// Stops the engine if it still runs, writes every output, and says on stderr how the run went.
+    /// The run's directory, if it has one.
+    pub fn directory(&self) -> Option<&RunDirectory> {
+        self.directory.as_ref()
+    }
+
+    /// Lets other processes watch and command the run, if it has a directory.
     ///
     /// # Errors
-    /// The first output that could not be written; the others are written all the same.
-    pub fn finish(self, exit: Exit) -> Result<Exit> {
+    /// [`Error::File`] when its socket cannot be made.
+    pub fn serve(&mut self) -> Result<()> {
+        if let Some(directory) = &self.directory {
+            self.server = Some(Server::start(directory.path(), self.feed())?);
+        }
+        Ok(())
+    }
+
+    /// Stops the engine if it still runs, writes every output, and says how the run went.
+    pub fn finish(self, exit: Exit) -> Ending {
         self.worker.feed().send(Command::Stop);
         let outcome = self.worker.join();
         let exit = Exit::of(&outcome.snapshot, exit);
@@ -204,23 +221,39 @@ impl Run {
                 )),
             });
         }
-        if let Some(directory) = &self.directory {
-            tracing::info!("ended: {}", exit.words());
-            let target = directory.target(run_directory::EXIT);
-            let exit =
-                |writer: &mut dyn Write| writeln!(writer, "{} {}", exit.code(), exit.words());
-            written.push(target.write(exit));
+        let failures: Vec<String> = (written.into_iter().filter_map(Result::err))
+            .map(|error| error.to_string())
+            .collect();
+        let ending = Ending {
+            code: if failures.is_empty() { exit.code() } else { 1 },
+            summary: for_people(&outcome.snapshot, &exit),
+            failures,
+        };
+        for failure in &ending.failures {
+            tracing::error!("{failure}");
         }
-        say(for_people(&outcome.snapshot, &exit).trim_end());
-        // Of several failures the last is returned and reported by the caller, the others are said here.
-        let mut failure = None;
-        for error in written.into_iter().filter_map(Result::err) {
-            if let Some(earlier) = failure.replace(error) {
-                say(&format!("moltop: {earlier}"));
+        tracing::info!("ended: {}", exit.words());
+        if let Some(directory) = &self.directory {
+            let words =
+                |writer: &mut dyn Write| writeln!(writer, "{} {}", ending.code, exit.words());
+            if let Err(error) = directory.target(run_directory::EXIT).write(words) {
+                tracing::error!("{error}");
             }
         }
-        failure.map_or(Ok(exit), Err)
+        if let Some(server) = self.server {
+            server.finish(ending.clone());
+        }
+        ending
     }
+}
+
+/// Says on stderr how a run ended; gives back its exit code.
+pub fn tell(ending: &Ending) -> u8 {
+    say(ending.summary.trim_end());
+    for failure in &ending.failures {
+        say(&format!("moltop: {failure}"));
+    }
+    ending.code
 }
 
 /// A line on stderr; when nobody listens there, there is nobody to tell.

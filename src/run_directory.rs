@@ -10,6 +10,7 @@ use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, symlink};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use etcetera::base_strategy::{BaseStrategy, Xdg};
 use rustix::fs::{FlockOperation, flock};
@@ -207,6 +208,26 @@ impl Found {
                     .join(" or ")
             ))),
         }
+    }
+
+    /// The newest run that is going on.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when none is.
+    pub fn newest() -> Result<Self> {
+        let runs = Self::all()?;
+        let going_on = runs.iter().filter(|run| run.is_going_on());
+        let newest = going_on.max_by_key(|run| run.started());
+        newest.cloned().ok_or_else(|| {
+            let known = listed(&runs);
+            Error::Usage(format!("no run is going on: {known}"))
+        })
+    }
+
+    /// When the run was started, or gone on with.
+    pub fn started(&self) -> Option<SystemTime> {
+        let lock = fs::metadata(self.path.join(LOCK)).ok()?;
+        lock.modified().ok()
     }
 
     /// Whether the run is going on.

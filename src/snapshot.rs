@@ -5,19 +5,21 @@
 
 mod accuracy;
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 pub use accuracy::Check;
 
 /// The unit system of a scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Units {
     /// Metre, second, kilogram, kelvin; k = 1.380649e-23 J/K.
     Si,
     /// The scene's own length, time and mass; k = 1.
+    #[default]
     Reduced,
 }
 
@@ -32,18 +34,19 @@ impl Units {
 }
 
 /// What happens at the faces of the box.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Boundary {
     /// Six hard walls.
     Container,
     /// What leaves through a face comes in through the opposite one.
     Periodic,
     /// Nothing: the box only says where the balls begin.
+    #[default]
     Open,
 }
 
 /// What does not change during a run.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneCard {
     /// The scene's title.
     pub title: String,
@@ -68,7 +71,7 @@ pub struct SceneCard {
 }
 
 /// What the run is doing.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Phase {
     /// Placing balls and predicting the first events.
     Starting,
@@ -83,7 +86,7 @@ pub enum Phase {
 }
 
 /// Collisions and engine events since the start of the run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counts {
     /// Ball-ball collisions.
     pub pair_collisions: u64,
@@ -116,7 +119,7 @@ pub struct Counts {
 }
 
 /// Pressure by two routes, averaged over the settled part of the run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pressure {
     /// Momentum given to the walls per time and physical wall area.
     pub wall: Option<f64>,
@@ -127,7 +130,7 @@ pub struct Pressure {
 }
 
 /// What kinetic theory expects of this scene at its measured temperature.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Expected {
     /// Force per physical wall area.
     pub pressure: Option<f64>,
@@ -138,7 +141,7 @@ pub struct Expected {
 }
 
 /// Speed histogram against Maxwell's distribution at the measured temperature.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Speeds {
     /// Width of a bin \[speed\]; bin `i` holds speeds in `[i, i + 1) * bin_width`, the last one also everything faster.
     pub bin_width: f64,
@@ -153,7 +156,7 @@ pub struct Speeds {
 }
 
 /// One point of the run's history.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HistoryPoint {
     /// Simulated time at the end of the interval this point covers.
     pub time: f64,
@@ -168,7 +171,7 @@ pub struct HistoryPoint {
 }
 
 /// How far a reversed run has found its way back.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Echo {
     /// Simulated time at which time was reversed.
     pub turned_at: f64,
@@ -179,7 +182,7 @@ pub struct Echo {
 }
 
 /// A bounded sample of the balls for the picture.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// Positions relative to the domain's centre \[length\], in an order that any prefix is a fair sample of the whole.
     /// The same index is the same ball in every snapshot.
@@ -191,7 +194,7 @@ pub struct Sample {
 }
 
 /// A ball that the scene names, and how far it has come.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NamedBall {
     /// Its name.
     pub name: String,
@@ -204,14 +207,17 @@ pub struct NamedBall {
 }
 
 /// Everything a screen or a summary may know of a run at one moment.
-#[derive(Clone, Debug, PartialEq)]
+///
+/// The large parts that rarely change are not serialised with it: between processes they travel only when they are new.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     /// Grows by one with each snapshot.
     pub sequence: u64,
     /// What does not change.
+    #[serde(skip)]
     pub scene: Arc<SceneCard>,
     /// Name of the engine, as `--engine` takes it.
-    pub engine: &'static str,
+    pub engine: Cow<'static, str>,
     /// What the run is doing.
     pub phase: Phase,
     /// Whether time runs backwards (an odd number of reversals).
@@ -266,6 +272,7 @@ pub struct Snapshot {
     /// engine is exact.
     pub echo_horizon: Option<f64>,
     /// Speed histogram, refreshed every few seconds.
+    #[serde(skip)]
     pub speeds: Option<Arc<Speeds>>,
     /// Events in the queue now.
     pub queue_length: u64,
@@ -278,8 +285,10 @@ pub struct Snapshot {
     /// The balls that the scene names.
     pub named: Vec<NamedBall>,
     /// The run's history, oldest first, bounded.
+    #[serde(skip)]
     pub history: Arc<Vec<HistoryPoint>>,
     /// Balls for the picture; `None` while nobody watches.
+    #[serde(skip)]
     pub sample: Option<Arc<Sample>>,
 }
 
@@ -289,7 +298,7 @@ impl Snapshot {
         Self {
             sequence: 0,
             scene,
-            engine,
+            engine: Cow::Borrowed(engine),
             phase: Phase::Starting,
             reversed: false,
             time: 0.0,

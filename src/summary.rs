@@ -61,7 +61,7 @@ impl Exit {
 pub struct Summary<'s> {
     schema: &'static str,
     scene: SceneSummary<'s>,
-    engine: &'static str,
+    engine: &'s str,
     time: f64,
     wall_time_s: f64,
     setup_time_s: Option<f64>,
@@ -150,7 +150,7 @@ impl<'s> Summary<'s> {
                 ball_count: scene.ball_count,
                 packing_fraction: scene.packing_fraction,
             },
-            engine: snapshot.engine,
+            engine: &snapshot.engine,
             time: snapshot.time,
             wall_time_s: snapshot.wall_time_s,
             setup_time_s: snapshot.setup_time_s,

@@ -14,6 +14,7 @@ pub mod options;
 pub mod pace;
 pub mod picture;
 pub mod receipt;
+pub mod suspension;
 pub mod terminal;
 pub mod theme;
 pub mod trails;
@@ -23,15 +24,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use ratatui::buffer::Buffer;
-use ratatui::crossterm::event::Event;
+use ratatui::crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
 use ratatui::layout::Rect;
 
 use crate::error::Result;
-use crate::feed::{Command, Feed};
+use crate::feed::{Access, Command, Feed};
 use app::App;
 use link::Meter;
 pub use options::Options;
 use pace::{Due, News, Pace};
+use suspension::Suspension;
 use terminal::Screen;
 
 /// Why the dashboard ended.
@@ -39,6 +41,10 @@ use terminal::Screen;
 pub enum Leave {
     /// The user wants to leave: the run is to be stopped if it still goes on.
     Quit,
+    /// The user wants to leave; the run goes on.
+    Detach,
+    /// Somebody else has stopped the run.
+    Stopped,
     /// `stop` was raised.
     Signal,
     /// The terminal is gone; nothing more may be printed to it.
@@ -47,6 +53,8 @@ pub enum Leave {
 
 /// Longest wait, so that a signal or a new window size is noticed.
 const TICK: Duration = Duration::from_millis(50);
+/// Ctrl-Z, which raw mode takes from the shell.
+const SUSPEND: Event = Event::Key(KeyEvent::new(KeyCode::Char('z'), KeyModifiers::CONTROL));
 /// Between two looks for the run's answer to a key.
 const ANSWER: Duration = Duration::from_millis(5);
 /// Longest wait for that answer.
@@ -58,10 +66,10 @@ const PATIENCE: Duration = Duration::from_millis(100);
 ///
 /// # Errors
 /// When standard output is no terminal, or the terminal refuses.
-pub fn run(feed: &dyn Feed, stop: &AtomicBool, options: &Options) -> Result<Leave> {
+pub fn run(feed: &dyn Feed, access: Access, stop: &AtomicBool, options: &Options) -> Result<Leave> {
     let mut screen = Screen::take(options.palette())?;
     feed.send(Command::Watch(true));
-    let left = Watcher::new(feed, options).watch(stop, &mut screen);
+    let left = Watcher::new(feed, access, options).watch(stop, &mut screen);
     feed.send(Command::Watch(false));
     left
 }
@@ -81,11 +89,13 @@ struct Watcher<'a> {
 }
 
 impl<'a> Watcher<'a> {
-    fn new(feed: &'a dyn Feed, options: &Options) -> Self {
+    fn new(feed: &'a dyn Feed, access: Access, options: &Options) -> Self {
         let now = Instant::now();
+        let mut app = App::new(feed.latest(), options.is_ascii());
+        app.access = access;
         Self {
             feed,
-            app: App::new(feed.latest(), options.is_ascii()),
+            app,
             pace: Pace::new(options.budget(), options.picture_rate(), now),
             meter: Meter::new(options.budget(), now),
             news: News::default(),
@@ -101,6 +111,13 @@ impl<'a> Watcher<'a> {
                 // The signal may be the one that says that the terminal is gone.
                 let gone = screen.wait(Duration::ZERO).is_none();
                 return Ok(if gone { Leave::HangUp } else { Leave::Signal });
+            }
+            if self.feed.was_stopped() {
+                return Ok(Leave::Stopped);
+            }
+            if screen.was_suspended()? {
+                self.news.response = true;
+                self.pace.hurry();
             }
             self.look(screen.size());
             self.draw(screen)?;
@@ -174,6 +191,10 @@ impl<'a> Watcher<'a> {
 
     fn obey(&mut self, event: &Event) -> Option<Leave> {
         let leave = match event {
+            event if *event == SUSPEND => {
+                Suspension::ask();
+                None
+            }
             Event::Key(key) => {
                 let feed = self.feed;
                 self.app.press(*key, &mut |command| feed.send(command))

@@ -11,9 +11,11 @@ mod measure;
 mod pace;
 mod run;
 
+use std::io::Write;
+use std::os::unix::net::UnixStream;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, Once, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, Once, mpsc};
 use std::thread::{Builder, JoinHandle};
 use std::time::Instant;
 
@@ -60,25 +62,36 @@ pub struct LocalFeed {
     commands: mpsc::Sender<Command>,
 }
 
-/// Where the newest snapshot lies.
+/// Where the newest snapshot lies, and who is to be woken by it.
 #[derive(Clone)]
-struct Slot(Arc<Mutex<Arc<Snapshot>>>);
+struct Slot(Arc<Mutex<(Arc<Snapshot>, Option<UnixStream>)>>);
 
 impl Slot {
+    fn new(first: Snapshot) -> Self {
+        Self(Arc::new(Mutex::new((Arc::new(first), None))))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, (Arc<Snapshot>, Option<UnixStream>)> {
+        (self.0.lock()).expect("nothing panics while it holds the slot")
+    }
+
     fn get(&self) -> Arc<Snapshot> {
-        Arc::clone(
-            &self
-                .0
-                .lock()
-                .expect("nothing panics while it holds the slot"),
-        )
+        Arc::clone(&self.lock().0)
     }
 
     fn put(&self, snapshot: Snapshot) {
-        *self
-            .0
-            .lock()
-            .expect("nothing panics while it holds the slot") = Arc::new(snapshot);
+        let mut slot = self.lock();
+        slot.0 = Arc::new(snapshot);
+        if let Some(waker) = &mut slot.1 {
+            let _ = waker.write(&[1]); // full, or closed: nobody sleeps at the other end
+        }
+    }
+}
+
+impl LocalFeed {
+    /// Has a byte written with each new snapshot, to one stream that must not block.
+    pub fn wake_on_news(&self, waker: UnixStream) {
+        self.latest.lock().1 = Some(waker);
     }
 }
 
@@ -91,7 +104,7 @@ impl Worker {
         quiet_engine_panics();
         let (commands, inbox) = mpsc::channel();
         let setting = run::Setting::new(scene, &placement, options);
-        let latest = Slot(Arc::new(Mutex::new(Arc::new(setting.first_snapshot()))));
+        let latest = Slot::new(setting.first_snapshot());
         let slot = latest.clone();
         let body = move || {
             let run = AssertUnwindSafe(|| run::run(&setting, placement, &inbox, &slot));

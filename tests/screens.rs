@@ -131,7 +131,7 @@ fn a_run_that_needs_a_look() {
 #[test]
 fn fixed_steps_say_what_they_miss() {
     let mut stepped = running(small_gas(), 12);
-    stepped.engine = "step";
+    stepped.engine = "step".into();
     stepped.max_overlap = Some(3.0e-2);
     stepped.counts.audited_steps = 40;
     stepped.counts.missed_collisions = 12;
@@ -144,7 +144,7 @@ fn fixed_steps_say_what_they_miss() {
 #[test]
 fn integers_remember() {
     let mut exact = running(small_gas(), 12);
-    exact.engine = "reversible";
+    exact.engine = "reversible".into();
     exact.echo_horizon = None;
     exact.counts.remembered_events = 44;
     let app = App::new(Arc::new(exact), false);

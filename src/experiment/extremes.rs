@@ -21,7 +21,6 @@ mod toys;
 mod units;
 mod verdict;
 
-use std::io::IsTerminal;
 use std::panic::catch_unwind;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -30,8 +29,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::quantity::duration;
-use crate::run::say;
+use crate::experiment::progress::Progress;
 pub use verdict::{Check, Outcome, Verdict};
 
 /// How often a row is run.
@@ -120,6 +118,7 @@ pub const ROWS: &[Row] = {
         row(25, A, 2.0, "event", "echo of the seed's scene", reversal::echo),
         row(26, A, 1.0, "reversible", "exact echo of the seed's scene", reversal::exact_echo),
         row(26, B, 2.0, "reversible", "exact echo of 64 balls over 2000 s", reversal::long_exact_echo),
+        row(26, B, 20.0, "reversible", "exact echo of 15,625 balls, a hundred collisions each", reversal::large_exact_echo),
         row(27, B, 5.0, "event", "growth of the echo's error", reversal::growth),
         row(28, A, 2.0, ALL, "the same bits, however it is run", sameness::same_bits),
         row(29, C, 1800.0, "event", "a thousand million collisions", soak::soak),
@@ -230,48 +229,22 @@ pub fn run(options: &Options) -> Result<u8> {
         ));
     }
     let outputs = report::Outputs::new(options)?;
-    let began = Instant::now();
+    let mut progress = Progress::new(rows.iter().map(|row| row.expected_s).sum())?;
     let mut done = Vec::new();
-    let total: f64 = rows.iter().map(|row| row.expected_s).sum();
-    let mut expected = 0.0;
     for (index, row) in rows.iter().enumerate() {
-        tell_progress(index, rows.len(), row, (expected, total), began);
+        if progress.stopped() {
+            break;
+        }
+        let (place, count, Row { number, title, .. }) = (index + 1, rows.len(), row);
+        progress.tell(0.0, &format!("{place} of {count}: row {number}, {title}"));
         done.push(row.run());
-        expected += row.expected_s;
+        progress.tell(row.expected_s, title);
         if !options.json {
             report::print_row(&done[index])?;
         }
     }
     report::finish(&done, options.json)?;
     outputs.write(&done)?;
-    Ok(u8::from(
-        done.iter().any(|row| row.outcome == Outcome::Fail),
-    ))
-}
-
-/// One line on stderr: what runs now, and how long the rest will take, from what the rows before took.
-fn tell_progress(
-    index: usize,
-    count: usize,
-    row: &Row,
-    (expected, total): (f64, f64),
-    began: Instant,
-) {
-    let spent = began.elapsed().as_secs_f64();
-    let pace = if expected > 2.0 {
-        spent / expected
-    } else {
-        1.0
-    };
-    let left = duration((total - expected) * pace);
-    let Row { number, title, .. } = row;
-    let words = format!(
-        "{} of {count}, about {left} left: row {number}, {title}",
-        index + 1
-    );
-    if std::io::stderr().is_terminal() {
-        eprint!("\r\x1b[K{words}\r");
-    } else {
-        say(&words);
-    }
+    let failed = done.iter().any(|row| row.outcome == Outcome::Fail);
+    Ok(progress.code().max(u8::from(failed)))
 }

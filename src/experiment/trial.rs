@@ -133,6 +133,12 @@ impl Trial {
     }
 }
 
+/// Time that the processor has spent on this thread \[s\].
+pub fn processor_seconds() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+}
+
 /// Resident memory of this process now, where the system tells \[bytes\].
 pub fn resident_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
-use crate::feed::Command;
+use crate::feed::{Access, Command};
 use crate::snapshot::{Phase, Snapshot};
 use crate::tui::Leave;
 use crate::tui::camera::Camera;
@@ -56,6 +56,8 @@ pub struct App {
     pub overlay: Option<Overlay>,
     /// Paths of the tagged molecules up to the picture on the screen.
     pub trails: Trails,
+    /// What leaving means, and whether keys reach the run.
+    pub access: Access,
     /// Paths up to the newest snapshot.
     newest_trails: Trails,
     /// Whether the screen may use 7-bit characters only.
@@ -80,6 +82,7 @@ impl App {
             mode: Mode::Slab,
             overlay: None,
             trails: Trails::default(),
+            access: Access::default(),
             newest_trails: Trails::default(),
             ascii,
             failure_shown: false,
@@ -142,7 +145,10 @@ impl App {
         }
         let control = key.modifiers.contains(KeyModifiers::CONTROL);
         if control && matches!(key.code, KeyCode::Char('c' | 'C')) {
-            return Some(Leave::Quit);
+            return Some(match self.access {
+                Access::Owner => Leave::Quit,
+                Access::Watcher | Access::ReadOnly => Leave::Detach,
+            });
         }
         if control || key.modifiers.contains(KeyModifiers::ALT) {
             return None;
@@ -163,8 +169,11 @@ impl App {
     }
 
     fn answer(&mut self, code: KeyCode) -> Option<Leave> {
+        let owner = self.access == Access::Owner;
         match code {
-            KeyCode::Char('y' | 'Y') | KeyCode::Enter => return Some(Leave::Quit),
+            KeyCode::Char('y' | 'Y') => return Some(Leave::Quit),
+            KeyCode::Enter if owner => return Some(Leave::Quit),
+            KeyCode::Char('d' | 'D') | KeyCode::Enter if !owner => return Some(Leave::Detach),
             KeyCode::Char('n' | 'N') | KeyCode::Esc => self.overlay = None,
             _ => {}
         }
@@ -195,10 +204,21 @@ impl App {
             }
             Action::Freeze => self.freeze(),
             Action::Help => self.overlay = Some(Overlay::Help),
-            Action::Quit if self.going_on() => self.overlay = Some(Overlay::QuitQuestion),
-            Action::Quit => return Some(Leave::Quit),
+            Action::Quit | Action::Detach if !self.going_on() => return Some(Leave::Quit),
+            Action::Quit | Action::Detach => return self.leave(action),
         }
         None
+    }
+
+    /// Leaves a run that goes on, or asks before.
+    fn leave(&mut self, action: Action) -> Option<Leave> {
+        match (self.access, action) {
+            (Access::ReadOnly, _) | (Access::Watcher, Action::Detach) => Some(Leave::Detach),
+            _ => {
+                self.overlay = Some(Overlay::QuitQuestion);
+                None
+            }
+        }
     }
 
     /// Whether there is a run to stop.

@@ -39,7 +39,9 @@ pub enum Action {
     Freeze,
     /// Show the help.
     Help,
-    /// Stop the run and leave.
+    /// Leave; the run goes on.
+    Detach,
+    /// Leave, and ask what is to become of the run.
     Quit,
 }
 
@@ -155,10 +157,17 @@ pub const KEYS: &[Binding] = &[
         rank: 1,
     },
     Binding {
+        keys: &[(KeyCode::Char('d'), Action::Detach)],
+        shown: "d",
+        short: "detach",
+        help: "leave, and let the run go on (also Ctrl-C)",
+        rank: 12,
+    },
+    Binding {
         keys: &[(KeyCode::Char('q'), Action::Quit)],
         shown: "q",
         short: "quit",
-        help: "stop the run and leave (Ctrl-C: without asking)",
+        help: "stop the run, or leave it running",
         rank: 0,
     },
 ];

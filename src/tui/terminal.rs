@@ -24,6 +24,7 @@ use crate::error::{Error, Result};
 use crate::tui::frame;
 use crate::tui::input::Input;
 use crate::tui::receipt::{self, Receipts};
+use crate::tui::suspension::Suspension;
 use crate::tui::theme::Palette;
 
 /// The thread that holds the terminal, if any.
@@ -44,6 +45,7 @@ pub struct Screen {
     alive: bool,
     palette: Palette,
     receipts: Receipts,
+    suspension: Suspension,
 }
 
 impl Screen {
@@ -58,7 +60,6 @@ impl Screen {
         let input = own_description(rustix::stdio::stdin())
             .or_else(|_| own_description(rustix::stdio::stdout()))
             .map_err(Error::Terminal)?;
-        terminal::enable_raw_mode().map_err(Error::Terminal)?;
         *locked(&HOLDER) = Some(thread::current().id());
         let mut screen = Self {
             output,
@@ -68,10 +69,62 @@ impl Screen {
             alive: true,
             palette,
             receipts: Receipts::default(),
+            suspension: Suspension::listen().map_err(Error::Terminal)?,
         };
-        queue!(screen.pending, terminal::EnterAlternateScreen, cursor::Hide)
-            .map_err(Error::Terminal)?;
+        screen.enter()?;
         Ok(screen)
+    }
+
+    fn enter(&mut self) -> Result<()> {
+        terminal::enable_raw_mode().map_err(Error::Terminal)?;
+        queue!(self.pending, terminal::EnterAlternateScreen, cursor::Hide).map_err(Error::Terminal)
+    }
+
+    /// Gives the terminal back.
+    fn leave(&mut self) {
+        // Writing to a Vec does not fail.
+        let _ = queue!(
+            self.pending,
+            terminal::EndSynchronizedUpdate,
+            terminal::LeaveAlternateScreen,
+            cursor::Show
+        );
+        let deadline = Instant::now() + LAST_WORDS;
+        while !self.pending.is_empty() && Instant::now() < deadline {
+            if self.deliver().is_err() || self.wait(Duration::from_millis(20)).is_none() {
+                break;
+            }
+        }
+        // A receipt that comes later would be taken for something typed.
+        while self.receipts.is_awaited() && self.round_trip().is_some() {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() || self.wait(left).is_none() {
+                break;
+            }
+            self.events();
+        }
+        let _ = rustix::termios::tcflush(&self.output, rustix::termios::QueueSelector::IFlush);
+        let _ = terminal::disable_raw_mode();
+    }
+
+    /// Stops this process if that has been asked for, with the terminal given back meanwhile. Says whether it was stopped,
+    /// also in another way: the next frame is then a full one.
+    ///
+    /// # Errors
+    /// When the terminal cannot be taken again.
+    pub fn was_suspended(&mut self) -> Result<bool> {
+        if self.suspension.is_wanted() {
+            self.leave();
+            self.suspension.rest();
+        }
+        let over = self.suspension.is_over();
+        if over {
+            self.pending.clear(); // what a stalled terminal has not taken
+            let _ = terminal::disable_raw_mode(); // whoever had the terminal meanwhile may have set it anew
+            self.enter()?;
+            self.forget();
+        }
+        Ok(over)
     }
 
     /// Columns and rows; zero when the terminal does not know.
@@ -182,29 +235,7 @@ impl Drop for Screen {
         // After a panic the hook has given the terminal back, and its words must not be overwritten.
         let held = locked(&HOLDER).take().is_some();
         if held && self.alive {
-            // Writing to a Vec does not fail.
-            let _ = queue!(
-                self.pending,
-                terminal::EndSynchronizedUpdate,
-                terminal::LeaveAlternateScreen,
-                cursor::Show
-            );
-            let deadline = Instant::now() + LAST_WORDS;
-            while !self.pending.is_empty() && Instant::now() < deadline {
-                if self.deliver().is_err() || self.wait(Duration::from_millis(20)).is_none() {
-                    break;
-                }
-            }
-            // A receipt that comes later would be taken for something typed.
-            while self.receipts.is_awaited() && self.round_trip().is_some() {
-                let left = deadline.saturating_duration_since(Instant::now());
-                if left.is_zero() || self.wait(left).is_none() {
-                    break;
-                }
-                self.events();
-            }
-            let _ = rustix::termios::tcflush(&self.output, rustix::termios::QueueSelector::IFlush);
-            let _ = terminal::disable_raw_mode();
+            self.leave();
         }
         for words in locked(&OVERHEARD).drain(..) {
             // A dead terminal must not turn a message into a second panic.

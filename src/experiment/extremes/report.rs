@@ -1,13 +1,12 @@
 //! The verdicts as a table on the terminal, as JSON and as Markdown.
 
 use std::fmt::Write as _;
-use std::fs;
-use std::io::{self, IsTerminal, Write};
 
 use serde::Serialize;
 
 use super::{Done, Options, Outcome};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::experiment::page::{machine, make_directory, print};
 use crate::output::Target;
 
 /// Files to be written at the end.
@@ -38,11 +37,7 @@ impl Outputs {
                 markdown: None,
             });
         };
-        fs::create_dir_all(directory).map_err(|source| Error::File {
-            path: directory.clone(),
-            action: "create",
-            source,
-        })?;
+        make_directory(directory)?;
         let target = |name: &str| Target::new(&directory.join(name), options.force).map(Some);
         Ok(Self {
             json: target("extremes.json")?,
@@ -75,19 +70,6 @@ fn json(rows: &[Done]) -> String {
     };
     let text = serde_json::to_string_pretty(&document).expect("verdicts are plain data");
     format!("{text}\n")
-}
-
-/// Architecture, system and processor, as far as the system tells.
-fn machine() -> String {
-    let information = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = information
-        .lines()
-        .find_map(|line| line.strip_prefix("model name"))
-        .map_or("", |rest| rest.trim_start_matches([' ', '\t', ':']));
-    let (architecture, system) = (std::env::consts::ARCH, std::env::consts::OS);
-    format!("{architecture} {system} {model}")
-        .trim_end()
-        .to_owned()
 }
 
 fn heading(row: &Done) -> String {
@@ -148,23 +130,4 @@ fn markdown(rows: &[Done]) -> String {
         .expect("memory takes all");
     }
     text
-}
-
-/// Writes to stdout; a reader that has seen enough, such as `head`, is no failure.
-fn print(text: &str) -> Result<()> {
-    if io::stderr().is_terminal() {
-        eprint!("\r\x1b[K"); // the progress gives way
-    }
-    let mut stdout = io::stdout().lock();
-    match stdout
-        .write_all(text.as_bytes())
-        .and_then(|()| stdout.flush())
-    {
-        Err(source) if source.kind() != io::ErrorKind::BrokenPipe => Err(Error::File {
-            path: "stdout".into(),
-            action: "write",
-            source,
-        }),
-        _ => Ok(()),
-    }
 }

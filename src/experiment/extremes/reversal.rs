@@ -3,24 +3,14 @@
 use super::Verdict;
 use crate::engine::Engine;
 use crate::engine::reversible::{Reversible, Words};
+use crate::experiment::echo::{Echo, mean_distance};
+use crate::experiment::fit::slope;
 use crate::experiment::gases::seed_scene;
 use crate::experiment::trial::{EVENT, Trial};
 use crate::state::{Placement, State};
 
-/// Mean distance between the balls of two gases.
-fn mean_distance(first: &Placement, second: &Placement) -> f64 {
-    let pairs = first.positions.iter().zip(&second.positions);
-    pairs.map(|(a, b)| a.distance(*b)).sum::<f64>() / first.positions.len() as f64
-}
-
-/// There for `time` and back: the mean error of position, and all collisions.
-fn echo_error(seed: u64, time: f64) -> (f64, Trial) {
-    let gas = seed_scene(8, seed);
-    let mut trial = Trial::new(EVENT, &gas);
-    trial.run(time);
-    trial.reverse();
-    trial.run(2.0 * time);
-    (mean_distance(&gas, &trial.state().placement()), trial)
+fn echo_of(seed: u64, time: f64) -> Echo {
+    Echo::new(EVENT, &seed_scene(8, seed), time)
 }
 
 /// Row 25.
@@ -32,14 +22,14 @@ pub fn echo() -> Verdict {
         (11.0, 1.3, 16_100.0),
         (16.0, 6.0, 23_200.0),
     ] {
-        let runs: Vec<_> = (1..=5).map(|seed| echo_error(seed, time)).collect();
-        let mean = runs.iter().map(|run| run.0).sum::<f64>() / 5.0;
+        let runs: Vec<_> = (1..=5).map(|seed| echo_of(seed, time)).collect();
+        let mean = runs.iter().map(Echo::position).sum::<f64>() / 5.0;
         verdict.at_most(
             format!("{time} s there and back: error of position"),
             mean,
             bound,
         );
-        let counts: Vec<f64> = runs.iter().map(|run| run.1.events() as f64).collect();
+        let counts: Vec<f64> = runs.iter().map(|run| run.trial.events() as f64).collect();
         let farthest = counts.iter().fold(0.0_f64, |worst, count| {
             worst.max((count / events - 1.0).abs())
         });
@@ -47,24 +37,6 @@ pub fn echo() -> Verdict {
         verdict.at_most(what, farthest, 0.08);
     }
     verdict
-}
-
-/// Slope of a straight line through points, by least squares.
-fn slope(points: &[(f64, f64)]) -> f64 {
-    let count = points.len() as f64;
-    let (x, y) = points
-        .iter()
-        .fold((0.0, 0.0), |(x, y), point| (x + point.0, y + point.1));
-    let (x, y) = (x / count, y / count);
-    let products: f64 = points
-        .iter()
-        .map(|point| (point.0 - x) * (point.1 - y))
-        .sum();
-    let squares: f64 = points
-        .iter()
-        .map(|point| (point.0 - x) * (point.0 - x))
-        .sum();
-    products / squares
 }
 
 /// Collisions per ball and time.
@@ -91,8 +63,8 @@ fn growth_per_collision(mut error: impl FnMut(u64, f64) -> (f64, f64)) -> (f64, 
 pub fn growth() -> Verdict {
     let mut verdict = Verdict::default();
     let (found, rate) = growth_per_collision(|seed, time| {
-        let (error, trial) = echo_error(seed, time);
-        (error, rate(&trial))
+        let echo = echo_of(seed, time);
+        (echo.position(), rate(&echo.trial))
     });
     verdict.near(
         "growth exponent per collision of a ball",
@@ -126,8 +98,8 @@ pub fn one_bit() -> Verdict {
         (error, rate(&first))
     });
     let (echo, _) = growth_per_collision(|seed, time| {
-        let (error, trial) = echo_error(seed, time);
-        (error, rate(&trial))
+        let echo = echo_of(seed, time);
+        (echo.position(), rate(&echo.trial))
     });
     verdict.near(
         "growth exponent of one bit over that of the echo",
@@ -149,6 +121,11 @@ pub fn exact_echo() -> Verdict {
 /// Row 26, 64 balls, 2000 s.
 pub fn long_exact_echo() -> Verdict {
     exact_echo_of(4, 2000.0)
+}
+
+/// Row 26, 15,625 balls, 46 s: a hundred collisions of each ball there, and as many back.
+pub fn large_exact_echo() -> Verdict {
+    exact_echo_of(25, 46.0)
 }
 
 fn exact_echo_of(n: usize, time: f64) -> Verdict {
@@ -183,7 +160,8 @@ fn exact_echo_of(n: usize, time: f64) -> Verdict {
     let events = counters.pair_collisions + counters.wall_collisions;
     let (ties, remembered) = (counters.ties, counters.remembered_events);
     verdict.note(format!(
-        "{events} collisions there and back, {ties} ties, {remembered} remembered"
+        "{events} collisions there and back, {:.0} of each ball with others one way, {ties} ties, {remembered} remembered",
+        counters.pair_collisions as f64 / start.len() as f64
     ));
     verdict
 }

@@ -7,23 +7,41 @@ use ratatui::widgets::{Clear, Widget};
 
 use super::SMALLEST;
 use super::text::{framed, put, title, width, wrap};
+use crate::feed::Access;
 use crate::snapshot::Phase;
 use crate::tui::app::{App, Overlay};
 use crate::tui::keys::KEYS;
 use crate::tui::theme;
+
+/// The question before a run ends with its dashboard.
+const QUIT: [&str; 4] = [
+    "Stop the run and leave?",
+    "",
+    "y or enter  yes",
+    "n or esc    no",
+];
+
+/// The question before leaving a run that can go on alone.
+const LEAVE: [&str; 5] = [
+    "Leave the run?",
+    "",
+    "d or enter  yes, and let it go on",
+    "y           yes, and stop it: its results are written",
+    "n or esc    no",
+];
 
 /// Draws the overlay that is up, if any.
 pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
     match app.overlay {
         Some(Overlay::Help) => help(area, buffer),
         Some(Overlay::QuitQuestion) => {
-            let lines = [
-                "Stop the run and leave?",
-                "",
-                "y or enter  yes",
-                "n or esc    no",
-            ];
-            show("quit", &lines.map(String::from), theme::VALUE, area, buffer);
+            let lines = if app.access == Access::Owner {
+                QUIT.as_slice()
+            } else {
+                &LEAVE
+            };
+            let lines: Vec<String> = lines.iter().copied().map(String::from).collect();
+            show("quit", &lines, theme::VALUE, area, buffer);
         }
         Some(Overlay::Failure) => {
             if let Phase::Failed(why) = &app.latest.phase {

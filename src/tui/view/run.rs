@@ -130,7 +130,7 @@ fn short_figures(snapshot: &Snapshot) -> Vec<Row> {
 
 /// A figure that only this engine has.
 fn own_figure(snapshot: &Snapshot) -> Option<Row> {
-    match snapshot.engine {
+    match snapshot.engine.as_ref() {
         "step" => Some(plain_row("missed, doubled", missed(snapshot))),
         "reversible" => Some(plain_row(
             "remembered events",

@@ -16,7 +16,7 @@ use crate::run_directory::{self, RunDirectory};
 use crate::scene::Scene;
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
-use crate::worker::engines::{Choice, Wishes};
+use crate::worker::engines::{Accuracy, Choice, EngineName, Offer, Wishes};
 use crate::worker::{LocalFeed, Options, Worker};
 
 /// A run that could start: the scene is good, its balls are placed, its outputs can be written.
@@ -67,7 +67,15 @@ impl Prepared {
         scene.sample = options.sample.unwrap_or(scene.sample);
         let placement = scene.place()?;
         let wishes = Wishes {
-            engine: options.engine.unwrap_or(scene.engine),
+            engine: match (options.engine, options.accuracy) {
+                (None, Some(_)) => EngineName::Auto,
+                (engine, _) => engine.unwrap_or(scene.engine),
+            },
+            step_fraction: options.step_fraction,
+            cells_per_path: options.cells_per_path,
+            accuracy: options.accuracy,
+            seed: scene.seed,
+            forced: options.force,
             calendar: options.calendar,
             step: options.step,
             threads: options.threads.map(usize::from),
@@ -78,8 +86,18 @@ impl Prepared {
             say(&format!("moltop: warning: {warning}"));
         }
         let mut report = Report::new(&scene, &placement, scene.until);
-        if let Choice::Step(step) = engine {
-            report.cost_in_steps(step);
+        match engine {
+            Choice::Step(step) => report.cost_in_steps(step),
+            Choice::Statistical { .. } => {}
+            _ if options.accuracy.is_none_or(|wish| wish == Accuracy::Exact) => {}
+            _ => say(
+                "moltop: no setting of engine statistical is so accurate for this gas: it runs exactly",
+            ),
+        }
+        if let Choice::Statistical { .. } = engine {
+            let offer = Offer::new("", engine, &placement, None);
+            say(&format!("moltop: {}", offer.words()));
+            report.cost_per_time(offer.wall_seconds_per_time());
         }
         Ok(Self {
             scene,

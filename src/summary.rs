@@ -275,6 +275,9 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
         "run",
         format!("{}: {} at {end}", snapshot.scene.title, exit.words()),
     );
+    if snapshot.is_approximate() {
+        line("engine", format!("{}, approximate", snapshot.engine));
+    }
     line("wall time", duration(snapshot.wall_time_s));
     line(
         "pair collisions",

@@ -17,6 +17,7 @@
 mod bins;
 mod cells;
 mod law;
+mod plan;
 mod random;
 mod round;
 
@@ -26,9 +27,8 @@ use crate::engine::step_clock::StepClock;
 use crate::engine::{Counters, Engine, Report, Stuck, Sums};
 use crate::event::Collision;
 use crate::state::{State, Time, Trajectory};
-use bins::{Bins, Record};
-use cells::Cells;
-use law::Mixture;
+use bins::{Bins, MOST_BALLS, Record};
+pub use plan::{DENSE, Errors, Plan, Refusal};
 use round::{Instant, Rules, Share, Tally};
 
 /// Fewest balls for which a thread is worth starting.
@@ -105,7 +105,7 @@ impl Statistical {
     /// Prepares a gas that this engine supports, to be run by so many threads at the most; their number changes no bit.
     ///
     /// # Panics
-    /// If no two balls of the gas can meet.
+    /// If [`Plan::new`] refuses the gas, but for its density.
     pub fn new(state: State, resolution: Resolution, seed: u64, threads: usize) -> Self {
         let worth_it = (state.ball_count() / BALLS_PER_THREAD).max(1);
         Self::with_threads(state, resolution, seed, threads.min(worth_it))
@@ -114,18 +114,10 @@ impl Statistical {
     /// Like [`Self::new`], with so many threads even if that does not pay.
     ///
     /// # Panics
-    /// If no two balls of the gas can meet.
+    /// If [`Plan::new`] refuses the gas, but for its density.
     pub fn with_threads(state: State, resolution: Resolution, seed: u64, threads: usize) -> Self {
-        let supported = "the caller has asked whether this engine supports the gas";
-        let mixture = Mixture::of(&state).expect(supported);
-        let free = mixture.free().expect(supported);
-        let smallest = state
-            .bodies
-            .kinds()
-            .iter()
-            .fold(f64::INFINITY, |least, body| least.min(body.radius));
-        let width = width(&state, resolution.cell, free.path);
-        let cells = Cells::new(&state.domain, smallest, width);
+        let (mixture, free, cells) = plan::fit(&state, resolution.cell)
+            .expect("the caller has asked whether this engine supports the gas");
         let step = resolution.step * free.time;
         let rules = Rules::new(&state, mixture, cells, (resolution.step, step), seed);
         let threads = threads.clamp(1, cells.dimensions[2]);
@@ -164,7 +156,7 @@ impl Statistical {
                 *image = self.state.images[ball] + boxes;
             }
             let record = Record::new(ball, position, velocity);
-            self.bins[0].push(self.rules.cells.of(record.position), record);
+            *self.bins[0].slot(self.rules.cells.of(record.position)) = record;
         }
     }
 

@@ -66,6 +66,9 @@ impl StepClock {
 
     /// Mirrors the ends of the steps at `now`, which lies between the last and the next: a gas that flies back meets them
     /// again. A step that ends right now ends again, to undo what it did.
+    ///
+    /// # Panics
+    /// If a step is longer than any run.
     pub fn reverse(&mut self, now: Time) {
         let since_last = if self.next > 0 {
             now.since(self.end_of(self.next - 1))

@@ -7,6 +7,9 @@ use glam::DVec3;
 /// Balls in a chunk: half a kibibyte.
 const CHUNK: usize = 16;
 
+/// Most balls: indices have 32 bits.
+pub const MOST_BALLS: usize = u32::MAX as usize;
+
 /// A ball between two rounds of collisions, half a cache line. Internal units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(32))]
@@ -66,15 +69,15 @@ impl Bins {
         self.used = 1;
     }
 
-    /// Puts a ball into the bin of a cell.
+    /// A place for one more ball in the bin of a cell.
     #[inline(always)]
-    pub fn push(&mut self, cell: usize, record: Record) {
+    pub fn slot(&mut self, cell: usize) -> &mut Record {
         let mut tail = self.tails[cell] as usize;
         if tail.is_multiple_of(CHUNK) {
             tail = self.extend(cell, tail);
         }
-        self.records[tail] = record;
         self.tails[cell] = tail as u32 + 1;
+        &mut self.records[tail]
     }
 
     /// Gives the bin a new chunk, and says where it begins.
@@ -143,7 +146,7 @@ mod tests {
             for ball in 0..1000_u32 {
                 let cell = (ball.wrapping_mul(2_654_435_769) >> 28) as usize % (2 + round);
                 let record = Record::new(ball as usize, DVec3::ZERO, DVec3::ZERO);
-                bins.push(cell, record);
+                *bins.slot(cell) = record;
                 twin[cell].push(record);
             }
             for (cell, twin) in twin.iter().enumerate() {

@@ -332,37 +332,37 @@ fn fly<const EACH: bool, const ALIKE: bool>(
     let step = rules.step as f32;
     let [limit_x, limit_y, limit_z] = rules.nearest;
     for record in balls {
-        // Number by number: a copy to be changed would be read back across the border of two stores, which waits until all
-        // stores before it have reached the cache (three times as slow, measured).
-        let x = record.position[0] + record.velocity[0] * step;
-        let y = record.position[1] + record.velocity[1] * step;
-        let z = record.position[2] + record.velocity[2] * step;
-        let position = [x, y, z];
-        if (x.abs() <= limit_x) & (y.abs() <= limit_y) & (z.abs() <= limit_z) {
-            share.bins.push(
-                rules.cells.of(position),
-                Record {
-                    position,
-                    ..*record
-                },
-            );
-            continue;
-        }
-        let mut record = Record {
-            position,
-            ..*record
-        };
-        if rules.boundary == Boundary::Container {
-            let body = if ALIKE {
-                bodies.kinds()[0]
-            } else {
-                bodies.of(record.ball as usize)
+        // Number by number: whole records that go through memory in other pieces than they came wait until all stores before
+        // them have reached the cache (three times as slow, measured).
+        let [mut u, mut v, mut w] = record.velocity;
+        let mut collisions = record.collisions;
+        let mut x = record.position[0] + u * step;
+        let mut y = record.position[1] + v * step;
+        let mut z = record.position[2] + w * step;
+        if !((x.abs() <= limit_x) & (y.abs() <= limit_y) & (z.abs() <= limit_z)) {
+            let mut record = Record {
+                position: [x, y, z],
+                ..*record
             };
-            turn_back::<EACH>(rules, body, &mut record, now, tally, &mut share.collisions);
-        } else {
-            wrap::<EACH>(rules, bodies, &mut record, now, share);
+            if rules.boundary == Boundary::Container {
+                let body = if ALIKE {
+                    bodies.kinds()[0]
+                } else {
+                    bodies.of(record.ball as usize)
+                };
+                turn_back::<EACH>(rules, body, &mut record, now, tally, &mut share.collisions);
+            } else {
+                wrap::<EACH>(rules, bodies, &mut record, now, share);
+            }
+            [x, y, z] = record.position;
+            [u, v, w] = record.velocity;
+            collisions = record.collisions;
         }
-        share.bins.push(rules.cells.of(record.position), record);
+        let slot = share.bins.slot(rules.cells.of([x, y, z]));
+        slot.position = [x, y, z];
+        slot.velocity = [u, v, w];
+        slot.ball = record.ball;
+        slot.collisions = collisions;
     }
 }
 
@@ -428,6 +428,7 @@ fn wrap<const EACH: bool>(
             let upper = record.position[axis] > 0.0;
             let edge = if upper { -2.0 * half } else { 2.0 * half };
             let before = record.position[axis];
+            let since = f64::from((before.abs() - half) / record.velocity[axis].abs());
             record.position[axis] += edge;
             let face = Wall { axis, upper };
             share.faces.push((record.ball, face));
@@ -438,7 +439,7 @@ fn wrap<const EACH: bool>(
                 share.collisions.push(Collision {
                     time: now
                         .time
-                        .after(rules.step)
+                        .after((rules.step - since).max(0.0))
                         .expect("a step is no longer than a run"),
                     participants: Participants::Face(record.ball, face),
                     impulse: DVec3::ZERO,

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::lattice;
+use common::{lattice, seed_scene};
 use moltop::domain::Boundary;
 use moltop::engine::Engine;
 use moltop::engine::statistical::{Plan, QUICK, Refusal, Resolution, Statistical, USUAL};
@@ -253,7 +253,7 @@ fn what_it_cannot_do_it_refuses() {
     let mut open = dilute();
     open.domain.boundary = Boundary::Open;
     check(&open, "space is open");
-    check(&lattice(18, 1.5, 40.0, 1), "too dense");
+    check(&seed_scene(8, 1), "too dense");
     let mut resting = dilute();
     resting
         .velocities
@@ -267,6 +267,6 @@ fn what_it_cannot_do_it_refuses() {
     let mut points = dilute();
     points.bodies[0].radius = 0.0;
     check(&points, "no two balls will collide");
-    let plan = Plan::new(&State::new(&lattice(18, 1.5, 40.0, 1)), USUAL, true).expect("forced");
+    let plan = Plan::new(&State::new(&seed_scene(8, 1)), USUAL, true).expect("forced");
     assert!(plan.is_sparse());
 }

@@ -25,7 +25,7 @@ use glam::{DVec3, IVec3};
 
 use crate::engine::step_clock::StepClock;
 use crate::engine::{Counters, Engine, Report, Stuck, Sums};
-use crate::event::Collision;
+use crate::event::{Collision, Wall};
 use crate::state::{State, Time, Trajectory};
 use bins::{Bins, MOST_BALLS, Record};
 pub use plan::{DENSE, Errors, Plan, Refusal};
@@ -94,7 +94,7 @@ pub struct Statistical {
 #[derive(Clone, Debug, Default)]
 struct Pending {
     /// Its sums, over the flight between its collisions and the next.
-    sums: Option<Sums>,
+    sums: Sums,
     reported: Sums,
     /// Its collisions, in order of time, and how many are reported.
     collisions: Vec<Collision>,
@@ -145,19 +145,45 @@ impl Statistical {
 
     /// Puts the balls of the state into bins, flown on to the next collisions.
     fn take_in(&mut self) {
-        let ahead = self.clock.next_end().since(self.state.now);
+        let now = Instant {
+            number: 0,
+            time: self.state.now,
+            flight: self.clock.next_end().since(self.state.now),
+        };
+        let record = |(ball, flight): (usize, &Trajectory)| {
+            Record::new(ball, flight.position_at(now.time), flight.velocity)
+        };
+        let balls: Vec<Record> = self
+            .state
+            .trajectories
+            .iter()
+            .enumerate()
+            .map(record)
+            .collect();
         self.bins.iter_mut().for_each(Bins::clear);
-        for (ball, flight) in self.state.trajectories.iter().enumerate() {
-            let position = flight.position_at(self.state.now);
-            let body = self.state.bodies.of(ball);
-            let (position, velocity, boxes) =
-                self.rules.flown(position, flight.velocity, ahead, &body);
-            if let Some(image) = self.images.get_mut(ball) {
-                *image = self.state.images[ball] + boxes;
-            }
-            let record = Record::new(ball, position, velocity);
-            *self.bins[0].slot(self.rules.cells.of(record.position)) = record;
-        }
+        self.images.clone_from(&self.state.images);
+        let mut tally = Tally::default();
+        let mut share = Share {
+            planes: 0..0,
+            tallies: &mut [],
+            majorants: &mut [],
+            bins: &mut self.bins[0],
+            faces: Vec::new(),
+            collisions: Vec::new(),
+        };
+        round::fly::<true, false>(
+            &self.rules,
+            &self.state.bodies,
+            &balls,
+            now,
+            &mut tally,
+            &mut share,
+        );
+        let Share {
+            faces, collisions, ..
+        } = share;
+        self.keep(vec![(faces, collisions)]);
+        self.count(now.time, &[tally]);
     }
 
     /// One round of collisions and the flights that follow it.
@@ -165,6 +191,7 @@ impl Statistical {
         let now = Instant {
             number: self.clock.number() / 2,
             time: self.clock.next_end(),
+            flight: self.rules.step,
         };
         let planes = self.share_out();
         let alike = self.state.bodies.uniform().is_some();
@@ -204,31 +231,42 @@ impl Statistical {
                 work(rules, bodies, old, now, share);
             }
         });
-        self.pending.collisions.clear();
-        self.pending.done = 0;
-        for share in shares {
-            self.pending.collisions.extend(share.collisions);
-            for (ball, face) in share.faces {
-                self.images[ball as usize][face.axis] += if face.upper { 1 } else { -1 };
-            }
-        }
-        self.pending
-            .collisions
-            .sort_by(|a, b| a.time.partial_cmp(&b.time).expect("times are numbers"));
+        let done = shares
+            .into_iter()
+            .map(|share| (share.faces, share.collisions))
+            .collect();
+        self.keep(done);
         self.clock.tick();
         self.clock.tick();
         self.settled = false;
-        self.count(now.time, each);
+        self.counters.steps += 1;
+        let tallies = std::mem::take(&mut self.tallies);
+        self.count(now.time, &tallies);
+        self.tallies = tallies;
+    }
+
+    /// Keeps what the shares of a step have noted one by one.
+    fn keep(&mut self, shares: Vec<(Vec<(u32, Wall)>, Vec<Collision>)>) {
+        self.pending.collisions.clear();
+        self.pending.done = 0;
+        for (faces, collisions) in shares {
+            self.pending.collisions.extend(collisions);
+            for (ball, face) in faces {
+                self.images[ball as usize][face.axis] += if face.upper { 1 } else { -1 };
+            }
+        }
+        let collisions = &mut self.pending.collisions;
+        collisions.sort_by(|a, b| a.time.partial_cmp(&b.time).expect("times are numbers"));
     }
 
     /// Sums up what happened in all planes, in their order.
-    fn count(&mut self, begin: Time, each: bool) {
+    fn count(&mut self, begin: Time, tallies: &[Tally]) {
         let mut sums = Sums {
             begin,
             end: self.clock.next_end(),
             ..Sums::default()
         };
-        for tally in &self.tallies {
+        for tally in tallies {
             sums.pair_collisions += tally.pair_collisions;
             sums.wall_collisions += tally.wall_collisions;
             sums.pair_virial += tally.pair_virial;
@@ -236,13 +274,12 @@ impl Statistical {
         }
         self.counters.pair_collisions += sums.pair_collisions;
         self.counters.wall_collisions += sums.wall_collisions;
-        self.counters.steps += 1;
+        self.pending.sums = sums;
         self.pending.reported = Sums {
-            end: begin,
             begin,
+            end: begin,
             ..Sums::default()
         };
-        self.pending.sums = (!each).then_some(sums);
     }
 
     /// Cuts the planes of cells into a stretch for each thread, with about as many balls each.
@@ -260,7 +297,7 @@ impl Statistical {
                 known
             };
             let (cut, left) = (cuts.len() as u64, self.tallies.len() - plane - 1);
-            let full = balls * threads as u64 >= cut * all || left < threads - cuts.len();
+            let full = balls * threads as u64 >= cut * all || left <= threads - cuts.len();
             if full && cuts.len() < threads && left > 0 {
                 cuts.push(plane + 1);
             }
@@ -271,7 +308,7 @@ impl Statistical {
 
     fn go(&mut self, until: Time, each: bool, report: &mut dyn FnMut(Report)) {
         loop {
-            self.pending.report(until, report);
+            self.pending.report(until, each, report);
             if self.clock.next_end() > until {
                 break;
             }
@@ -284,16 +321,18 @@ impl Statistical {
 
 impl Pending {
     /// Reports what has happened up to an instant: of sums, the share of their time that has passed.
-    fn report(&mut self, until: Time, report: &mut dyn FnMut(Report)) {
-        while let Some(collision) = self
-            .collisions
-            .get(self.done)
-            .filter(|collision| collision.time <= until)
-        {
-            report(Report::One(collision));
-            self.done += 1;
+    fn report(&mut self, until: Time, each: bool, report: &mut dyn FnMut(Report)) {
+        if each {
+            let due = self
+                .collisions
+                .partition_point(|collision| collision.time <= until);
+            for collision in &self.collisions[self.done.min(due)..due] {
+                report(Report::One(collision));
+            }
+            self.done = self.done.max(due);
+            return;
         }
-        let Some(sums) = self.sums else { return };
+        let sums = self.sums;
         let end = if until < sums.end { until } else { sums.end };
         if end <= self.reported.end {
             return;
@@ -377,7 +416,6 @@ impl Engine for Statistical {
         self.settle();
         self.state.reverse();
         self.take_in();
-        self.pending = Pending::default();
     }
 
     fn counters(&self) -> Counters {

@@ -147,6 +147,8 @@ pub struct Share<'a> {
 pub struct Instant {
     pub number: u64,
     pub time: Time,
+    /// How long the flight lasts that follows \[epochs\].
+    pub flight: f64,
 }
 
 /// Runs a share of the step. `EACH` keeps every collision, `ALIKE` is for balls of one radius and mass.
@@ -321,7 +323,7 @@ impl Meetings<'_> {
 
 /// Every ball flies for a step, turns back at walls or goes through faces, and is put into the bin of its new cell.
 #[inline(always)]
-fn fly<const EACH: bool, const ALIKE: bool>(
+pub fn fly<const EACH: bool, const ALIKE: bool>(
     rules: &Rules,
     bodies: &Bodies,
     balls: &[Record],
@@ -329,7 +331,7 @@ fn fly<const EACH: bool, const ALIKE: bool>(
     tally: &mut Tally,
     share: &mut Share,
 ) {
-    let step = rules.step as f32;
+    let step = now.flight as f32;
     let [limit_x, limit_y, limit_z] = rules.nearest;
     for record in balls {
         // Number by number: whole records that go through memory in other pieces than they came wait until all stores before
@@ -396,7 +398,7 @@ fn turn_back<const EACH: bool>(
                 collisions.push(Collision {
                     time: now
                         .time
-                        .after((rules.step - since).max(0.0))
+                        .after((now.flight - since).max(0.0))
                         .expect("a step is no longer than a run"),
                     participants: Participants::Wall(record.ball, Wall { axis, upper }),
                     impulse: received,
@@ -439,7 +441,7 @@ fn wrap<const EACH: bool>(
                 share.collisions.push(Collision {
                     time: now
                         .time
-                        .after((rules.step - since).max(0.0))
+                        .after((now.flight - since).max(0.0))
                         .expect("a step is no longer than a run"),
                     participants: Participants::Face(record.ball, face),
                     impulse: DVec3::ZERO,

@@ -8,6 +8,7 @@ use clap_complete::Shell;
 
 use crate::experiment::{extremes, gas, page};
 use crate::generate::{Draw, Format, GASES};
+use crate::scene::observe::Name;
 use crate::tui;
 use crate::worker::engines::{Accuracy, CalendarName, EngineName};
 
@@ -122,6 +123,37 @@ pub enum Command {
         /// Which shell
         shell: Shell,
     },
+    /// Run a scene for a while and print the dashboard as text, or write it as SVG
+    #[command(
+        after_help = "Example: moltop screenshot configs/seed-512.toml --size 120x40 --after 5 --svg balls.svg"
+    )]
+    Screenshot {
+        /// Scene of the run, which leaves nothing else behind
+        #[command(flatten)]
+        options: RunOptions,
+        /// Columns and rows
+        #[arg(long, value_name = "CxR", default_value = "80x24", value_parser = window)]
+        size: (u16, u16),
+        /// Seconds that the run is watched
+        #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive)]
+        after: f64,
+        /// Write a picture too
+        #[arg(long, value_name = "FILE")]
+        svg: Option<PathBuf>,
+        /// How the run is shown.
+        #[command(flatten)]
+        screen: tui::Options,
+    },
+    /// Print a template of the dashboard's settings: looks, rates and keys
+    #[command(after_help = "Example: moltop config > ~/.config/moltop/config.toml")]
+    Config {
+        /// Look for faults in the settings instead
+        #[arg(long)]
+        check: bool,
+        /// File to look at [default: the user's]
+        #[arg(requires = "check")]
+        file: Option<PathBuf>,
+    },
     /// Print the manual page
     #[command(after_help = "Example: moltop man | man -l -")]
     Man,
@@ -138,7 +170,7 @@ pub enum Experiment {
     Extremes(extremes::Options),
     /// How run time grows with the number of balls, engine by engine, at a known accuracy
     #[command(
-        after_help = "Takes about half an hour, --quick a minute. Example:\n  moltop experiment growth --quick --out results"
+        after_help = "Takes some ten minutes, --quick half a minute. Example:\n  moltop experiment growth --quick --out results"
     )]
     Growth(page::Options),
     /// How far a gas finds the way back after its velocities have been turned round
@@ -261,6 +293,14 @@ pub struct RunOptions {
     /// Seed of the random placement, instead of the scene's
     #[arg(long, value_name = "N", env = "MOLTOP_SEED")]
     pub seed: Option<u64>,
+    /// Observe these, beside what the scene asks for
+    #[arg(
+        long,
+        value_name = "NAME,...",
+        env = "MOLTOP_OBSERVE",
+        value_delimiter = ','
+    )]
+    pub observe: Vec<Name>,
     /// Write the summary of the run as JSON
     #[arg(long, value_name = "FILE", env = "MOLTOP_SUMMARY")]
     pub summary: Option<PathBuf>,
@@ -270,12 +310,22 @@ pub struct RunOptions {
     /// Write all balls at the end as CSV
     #[arg(long, value_name = "FILE", env = "MOLTOP_STATE")]
     pub state: Option<PathBuf>,
+    /// Write every observable over the whole run as CSV: finer for the recent past, with mean, lowest and highest value
+    #[arg(long, value_name = "FILE", env = "MOLTOP_HISTORY")]
+    pub history: Option<PathBuf>,
     /// Directory of the run, new or empty [default: one named after the scene, in ~/.local/state/moltop]
     #[arg(long, value_name = "DIR", env = "MOLTOP_RUN_DIR")]
     pub run_dir: Option<PathBuf>,
     /// Overwrite output files that exist; run engine statistical although the gas is too dense for it
     #[arg(long, env = "MOLTOP_FORCE", value_parser = FalseyValueParser::new())]
     pub force: bool,
+}
+
+fn window(text: &str) -> Result<(u16, u16), String> {
+    let parts = text.split_once('x');
+    let size = parts.and_then(|(columns, rows)| Some((columns.parse().ok()?, rows.parse().ok()?)));
+    size.filter(|size| (1..=500).contains(&size.0) && (1..=200).contains(&size.1))
+        .ok_or_else(|| "must be columns x rows, such as 80x24, up to 500x200".to_owned())
 }
 
 fn positive(text: &str) -> Result<f64, String> {

@@ -1,9 +1,10 @@
 //! The `moltop` program: arguments to a task, a task to an exit code.
 
-use std::io::{self, IsTerminal, Write};
+use std::fs;
+use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::{CommandFactory, Parser};
 use moltop::check::Report;
@@ -29,13 +30,13 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let done = match cli.command {
         None if cli.run_process => run_process::run(&cli.watch, program_start),
-        None if cli.in_process => watch_here(&cli.watch, &cli.screen, program_start),
-        None => start_and_watch(&cli.screen),
+        None if cli.in_process => watch_here(&cli.watch, cli.screen, program_start),
+        None => start_and_watch(cli.screen),
         Some(Command::Attach {
             run,
             read_only,
             screen,
-        }) => attach(run.as_deref(), read_only, &screen),
+        }) => attach(run.as_deref(), read_only, screen),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
         Some(Command::Experiment(what)) => experiment(&what),
@@ -52,6 +53,14 @@ fn main() -> ExitCode {
             print(&text)
         }
         Some(Command::Man) => man(),
+        Some(Command::Screenshot {
+            options,
+            size,
+            after,
+            svg,
+            screen,
+        }) => screenshot(&options, size, after, svg.as_ref(), screen, program_start),
+        Some(Command::Config { check, file }) => config(check, file),
     };
     match done {
         Ok(code) => ExitCode::from(code),
@@ -85,16 +94,16 @@ fn run(options: &RunOptions, yes: bool, program_start: Instant) -> Result<u8> {
 }
 
 /// Starts a run in a process of its own, and watches it.
-fn start_and_watch(screen: &tui::Options) -> Result<u8> {
-    needs_terminal()?;
+fn start_and_watch(screen: tui::Options) -> Result<u8> {
+    let screen = &screen.with_settings()?;
     match run_process::start()? {
         Started::Run(run) => watch(&run, Access::Watcher, screen),
         Started::Refused(code) => Ok(code),
     }
 }
 
-fn attach(run: Option<&str>, read_only: bool, screen: &tui::Options) -> Result<u8> {
-    needs_terminal()?;
+fn attach(run: Option<&str>, read_only: bool, screen: tui::Options) -> Result<u8> {
+    let screen = &screen.with_settings()?;
     let run = run.map_or_else(Found::newest, Found::by_name)?;
     let access = if read_only {
         Access::ReadOnly
@@ -133,8 +142,8 @@ fn watch(run: &Found, access: Access, screen: &tui::Options) -> Result<u8> {
 }
 
 /// Runs and watches in one process.
-fn watch_here(options: &RunOptions, screen: &tui::Options, program_start: Instant) -> Result<u8> {
-    needs_terminal()?;
+fn watch_here(options: &RunOptions, screen: tui::Options, program_start: Instant) -> Result<u8> {
+    let screen = &screen.with_settings()?;
     let prepared = Prepared::new(options)?;
     let signals = Signals::listen()?;
     let run = prepared.start(program_start)?;
@@ -156,17 +165,6 @@ fn experiment(what: &Experiment) -> Result<u8> {
         Experiment::Queue(options) => queue::run(options),
         Experiment::Gas(options) => gas::run(options),
     }
-}
-
-fn needs_terminal() -> Result<()> {
-    let dumb = std::env::var_os("TERM").is_some_and(|kind| kind == "dumb");
-    if io::stdout().is_terminal() && !dumb {
-        return Ok(());
-    }
-    let kind = if dumb { " that is not dumb" } else { "" };
-    Err(Error::Usage(format!(
-        "the dashboard needs a terminal{kind}: `moltop run SCENE` needs none"
-    )))
 }
 
 fn check(scene: Option<&PathBuf>, json: bool) -> Result<u8> {
@@ -232,7 +230,50 @@ fn man() -> Result<u8> {
     clap_mangen::Man::new(Cli::command())
         .render(&mut text)
         .expect("memory takes all");
+    text.extend(tui::keys::manual().bytes());
     print(&text)
+}
+
+/// Runs a scene for a while and prints its dashboard.
+fn screenshot(
+    options: &RunOptions,
+    size: (u16, u16),
+    after: f64,
+    svg: Option<&PathBuf>,
+    screen: tui::Options,
+    program_start: Instant,
+) -> Result<u8> {
+    let screen = screen.with_settings()?;
+    let target = svg
+        .map(|path| Target::new(path, options.force))
+        .transpose()?;
+    let run = Prepared::new(options)?.start_without_directory(program_start)?;
+    let shot = tui::screenshot(&run.feed(), &screen, size, Duration::from_secs_f64(after));
+    run.finish(Exit::Quit);
+    if let Some(target) = target {
+        let picture = tui::copy::svg(&shot, screen.theme());
+        target.write(|writer| writer.write_all(picture.as_bytes()))?;
+    }
+    print(tui::copy::text(&shot).as_bytes())
+}
+
+/// Prints a template of the dashboard's settings, or looks for faults in a file.
+fn config(check: bool, file: Option<PathBuf>) -> Result<u8> {
+    use tui::config;
+    if !check {
+        return print(config::template().as_bytes());
+    }
+    let path = file.or_else(config::path);
+    let Some(path) = path.filter(|path| path.exists()) else {
+        return print(b"no settings: all are at their defaults\n");
+    };
+    let text = fs::read_to_string(&path).map_err(|source| Error::File {
+        path: path.clone(),
+        action: "read",
+        source,
+    })?;
+    config::parse(&path, &text)?;
+    print(format!("{}: good\n", path.display()).as_bytes())
 }
 
 /// Writes to stdout; a reader that has seen enough, such as `head`, is no failure.

@@ -3,9 +3,19 @@
 //! Observers are fed each collision as it happens, or a whole state now and then. They are deterministic, take constant
 //! memory, and change nothing. All in internal units.
 
+pub mod block_sums;
 pub mod blocks;
+pub mod correlator;
+pub mod density_profile;
+pub mod flights;
 pub mod ledger;
+pub mod motion;
+pub mod on_demand;
+pub mod radial_distribution;
+pub mod relaxation;
 pub mod speeds;
+pub mod transport;
+pub mod velocities;
 
 use crate::engine::Report;
 use crate::event::{Collision, Participants};

@@ -14,7 +14,8 @@ use std::thread::JoinHandle;
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
-use crate::snapshot::SeriesRow;
+use crate::history::{History, Observable};
+use crate::snapshot::{Observed, SeriesRow};
 use crate::state::Placement;
 
 /// Header of a series file.
@@ -199,6 +200,23 @@ fn table<W: Write>(writer: W) -> csv::Writer<W> {
         .from_writer(writer)
 }
 
+/// Writes an observable's table; what does not exist is an empty cell.
+///
+/// # Errors
+/// What the writer answers.
+pub fn write_observed(writer: &mut dyn Write, observed: &Observed) -> io::Result<()> {
+    let mut table = table(writer);
+    let columns = &observed.columns;
+    table.write_record(columns.iter().map(|column| &column.name))?;
+    for row in 0..columns.first().map_or(0, |column| column.values.len()) {
+        let cells = columns
+            .iter()
+            .map(|column| column.values.get(row).copied().flatten());
+        table.serialize(cells.collect::<Vec<_>>())?;
+    }
+    table.flush()
+}
+
 /// Writes all balls at one instant; `collisions` has one entry per ball.
 ///
 /// # Errors
@@ -226,6 +244,40 @@ pub fn write_state(
             body.mass,
             collisions,
         ))?;
+    }
+    table.flush()
+}
+
+/// Writes the whole history, a row for each stretch as fine as it is still known; of each observable its mean, lowest and
+/// highest value, empty where it did not exist.
+///
+/// # Errors
+/// What the writer answers.
+pub fn write_history(writer: &mut dyn Write, history: &History) -> io::Result<()> {
+    let mut table = table(writer);
+    let names = Observable::ALL.map(Observable::name);
+    let header = ["begin", "end", "wall_time_s"].map(str::to_owned);
+    let columns = names.iter().flat_map(|name| {
+        [
+            (*name).to_owned(),
+            format!("{name}_low"),
+            format!("{name}_high"),
+        ]
+    });
+    table.write_record(header.into_iter().chain(columns))?;
+    for stretch in history.whole() {
+        let values: Vec<_> = Observable::ALL
+            .iter()
+            .flat_map(|&observable| {
+                let range = stretch.get(observable);
+                [
+                    range.map(|range| range.mean),
+                    range.map(|range| range.low),
+                    range.map(|range| range.high),
+                ]
+            })
+            .collect();
+        table.serialize((stretch.begin, stretch.end, stretch.wall_time_s, values))?;
     }
     table.flush()
 }

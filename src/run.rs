@@ -11,9 +11,9 @@ use crate::error::{Error, Result};
 use crate::feed::message::Ending;
 use crate::feed::server::Server;
 use crate::feed::{Command, Feed};
-use crate::output::{SeriesWriter, Target, write_state};
+use crate::output::{SeriesWriter, Target, write_history, write_observed, write_state};
 use crate::run_directory::{self, RunDirectory};
-use crate::scene::Scene;
+use crate::scene::{Scene, observe};
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
 use crate::worker::engines::{Accuracy, Choice, EngineName, Offer, Wishes};
@@ -34,6 +34,7 @@ struct Outputs {
     summary: Option<Target>,
     series: Option<Target>,
     state: Option<Target>,
+    history: Option<Target>,
 }
 
 /// A run that is going on.
@@ -44,6 +45,7 @@ pub struct Run {
     summary: Option<Target>,
     series: Option<SeriesWriter>,
     state: Option<Target>,
+    history: Option<Target>,
 }
 
 /// The scene of the command line: a file, or the embedded one.
@@ -65,6 +67,10 @@ impl Prepared {
         scene.seed = options.seed.unwrap_or(scene.seed);
         scene.until = options.until.or(scene.until);
         scene.sample = options.sample.unwrap_or(scene.sample);
+        scene.observe.add(&options.observe);
+        if let Some(why) = observe::refusal(&scene) {
+            return Err(Error::Usage(format!("--observe {why}")));
+        }
         let placement = scene.place()?;
         let wishes = Wishes {
             engine: match (options.engine, options.accuracy) {
@@ -126,10 +132,23 @@ impl Prepared {
                 None
             }
         };
+        self.start_in(directory, program_start)
+    }
+
+    /// Starts the engine of a run that leaves nothing behind but the outputs that were asked for.
+    ///
+    /// # Errors
+    /// [`Error::File`] when the series cannot be opened any more.
+    pub fn start_without_directory(self, program_start: Instant) -> Result<Run> {
+        self.start_in(None, program_start)
+    }
+
+    fn start_in(self, directory: Option<RunDirectory>, program_start: Instant) -> Result<Run> {
         let Outputs {
             summary,
             series,
             state,
+            history,
         } = self.outputs;
         let (sender, series) = match series {
             Some(target) => {
@@ -153,6 +172,7 @@ impl Prepared {
             summary,
             series,
             state,
+            history,
         })
     }
 }
@@ -172,7 +192,12 @@ fn open_directory(scene: &Scene, wish: Option<&Path>) -> Result<RunDirectory> {
 
 impl Outputs {
     fn new(options: &RunOptions) -> Result<Self> {
-        let paths = [&options.summary, &options.series, &options.state];
+        let paths = [
+            &options.summary,
+            &options.series,
+            &options.state,
+            &options.history,
+        ];
         for (index, path) in paths.iter().enumerate() {
             if path.is_some() && paths[..index].contains(path) {
                 return Err(Error::Usage(
@@ -185,11 +210,12 @@ impl Outputs {
                 .map(|path| Target::new(path, options.force))
                 .transpose()
         };
-        let [summary, series, state] = paths.map(target);
+        let [summary, series, state, history] = paths.map(target);
         Ok(Self {
             summary: summary?,
             series: series?,
             state: state?,
+            history: history?,
         })
     }
 }
@@ -238,6 +264,18 @@ impl Run {
                     "the engine failed, so there is no state to write".to_owned(),
                 )),
             });
+        }
+        for observed in outcome.snapshot.observables.iter() {
+            let target = (self.directory.as_ref())
+                .map(|found| found.target(&format!("{}.csv", observed.name)));
+            written.extend(
+                target.map(|target| target.write(|writer| write_observed(writer, observed))),
+            );
+        }
+        let history = &outcome.snapshot.history;
+        let of_run = (self.directory.as_ref()).map(|found| found.target(run_directory::HISTORY));
+        for target in of_run.iter().chain(&self.history) {
+            written.push(target.write(|writer| write_history(writer, history)));
         }
         let failures: Vec<String> = (written.into_iter().filter_map(Result::err))
             .map(|error| error.to_string())

@@ -30,6 +30,8 @@ pub const LOG: &str = "log";
 pub const SUMMARY: &str = "summary.json";
 /// The summary as Markdown.
 pub const REPORT: &str = "summary.md";
+/// Every observable over the whole run.
+pub const HISTORY: &str = "history.csv";
 /// Exit code and reason, once the run has ended.
 pub const EXIT: &str = "exit";
 /// Held by the run, and tells its process id.

@@ -7,6 +7,7 @@ mod checks;
 mod contact_grid;
 mod format;
 mod memory;
+pub mod observe;
 mod placement;
 mod reader;
 mod region;
@@ -66,6 +67,8 @@ pub struct Scene {
     pub until: Option<f64>,
     /// Simulated time between two rows of the series.
     pub sample: f64,
+    /// What is measured on demand.
+    pub observe: observe::Observe,
     /// Balls that come in numbers, in the order of the file.
     pub species: Vec<Species>,
     /// Balls that the scene lists one by one; they come after all species.
@@ -259,6 +262,7 @@ impl Scene {
                 engine: EngineName::Auto,
                 until: None,
                 sample: format::default_sample(None, Some(Units::Reduced)),
+                observe: observe::Observe::default(),
                 species: Vec::new(),
                 balls: Vec::new(),
                 path: PathBuf::new(),

@@ -4,6 +4,7 @@
 //! not exist yet is `None`, never zero or NaN.
 
 mod accuracy;
+mod observables;
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -11,6 +12,9 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 pub use accuracy::Check;
+pub use observables::{Column, Figure, Observed, by_name};
+
+pub use crate::history::{History, Observable, Range, Stretch};
 
 /// The unit system of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -141,7 +145,7 @@ pub struct Expected {
 }
 
 /// Speed histogram against Maxwell's distribution at the measured temperature.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Speeds {
     /// Width of a bin \[speed\]; bin `i` holds speeds in `[i, i + 1) * bin_width`, the last one also everything faster.
     pub bin_width: f64,
@@ -153,21 +157,14 @@ pub struct Speeds {
     pub ks: f64,
     /// The distance that one run in a thousand exceeds by chance, `1.949 / sqrt(n)`.
     pub ks_critical: f64,
-}
-
-/// One point of the run's history.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct HistoryPoint {
-    /// Simulated time at the end of the interval this point covers.
-    pub time: f64,
-    /// Temperature at that time.
-    pub temperature: f64,
-    /// Wall pressure over the interval.
-    pub pressure: f64,
-    /// Pair collisions per simulated time over the interval.
-    pub pair_rate: f64,
-    /// Events in the queue at that time.
-    pub queue_length: f64,
+    /// Balls per bin of each velocity component, over bins of `component_bin_width` that lie even about zero.
+    pub components: [Vec<u64>; 3],
+    /// Balls per bin that the normal distribution expects of each.
+    pub normal: Vec<f64>,
+    /// Width of those bins \[speed\].
+    pub component_bin_width: f64,
+    /// Kolmogorov-Smirnov distance of each component from the normal distribution, at the bin edges.
+    pub component_ks: [f64; 3],
 }
 
 /// How far a reversed run has found its way back.
@@ -284,9 +281,12 @@ pub struct Snapshot {
     pub state_hash: Option<u64>,
     /// The balls that the scene names.
     pub named: Vec<NamedBall>,
-    /// The run's history, oldest first, bounded.
+    /// What the scene asks to be observed, refreshed every few seconds.
     #[serde(skip)]
-    pub history: Arc<Vec<HistoryPoint>>,
+    pub observables: Arc<Vec<Observed>>,
+    /// The run's history, in constant memory.
+    #[serde(skip)]
+    pub history: Arc<History>,
     /// Balls for the picture; `None` while nobody watches.
     #[serde(skip)]
     pub sample: Option<Arc<Sample>>,
@@ -331,6 +331,7 @@ impl Snapshot {
             peak_rss_bytes: None,
             state_hash: None,
             named: Vec::new(),
+            observables: Arc::default(),
             history: Arc::default(),
             sample: None,
         }

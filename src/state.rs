@@ -274,6 +274,16 @@ impl State {
             .sum()
     }
 
+    /// Velocity of the centre of mass in a periodic box, where nothing stops it; elsewhere zero.
+    pub fn drift(&self) -> DVec3 {
+        let mass: f64 = self.moving().map(|(mass, _)| mass).sum();
+        if self.domain.boundary == Boundary::Periodic && mass > 0.0 {
+            self.momentum() / mass
+        } else {
+            DVec3::ZERO
+        }
+    }
+
     /// Sum of the magnitudes of all momenta.
     pub fn momentum_scale(&self) -> f64 {
         self.moving()

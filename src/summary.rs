@@ -7,8 +7,10 @@ use serde::Serialize;
 use serde_json::Serializer;
 use serde_json::ser::{Formatter, PrettyFormatter};
 
-use crate::quantity::{Quantity, duration, quantity};
-use crate::snapshot::{Check, Echo, NamedBall, Phase, Pressure, Snapshot, Speeds, Units};
+use crate::quantity::{Quantity, duration, plain, quantity};
+use crate::snapshot::{
+    Check, Echo, NamedBall, Observed, Phase, Pressure, Snapshot, Speeds, Units, by_name,
+};
 
 /// Name and version of the summary's format.
 pub const SCHEMA: &str = "moltop.summary/1";
@@ -87,6 +89,8 @@ pub struct Summary<'s> {
     counters: Counters,
     peak_rss_bytes: Option<u64>,
     state_hash: Option<String>,
+    #[serde(serialize_with = "by_name")]
+    observables: &'s [Observed],
     named_balls: &'s [NamedBall],
     exit: String,
 }
@@ -192,6 +196,7 @@ impl<'s> Summary<'s> {
             },
             peak_rss_bytes: snapshot.peak_rss_bytes,
             named_balls: &snapshot.named,
+            observables: &snapshot.observables,
             state_hash: snapshot.state_hash.map(|hash| format!("{hash:016x}")),
             exit: exit.words(),
         }
@@ -218,6 +223,7 @@ impl<'s> SpeedSummary<'s> {
             maxwell,
             ks,
             ks_critical,
+            ..
         } = speeds;
         Self {
             histogram: Histogram {
@@ -318,6 +324,17 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
         let moved = root(ball.displacement_squared);
         line(&ball.name, format!("moved {moved} (theory {expected})"));
     }
+    for figure in snapshot
+        .observables
+        .iter()
+        .flat_map(|observable| &observable.figures)
+    {
+        let number = |value: Option<f64>| value.map_or("–".to_owned(), plain);
+        let (value, error) = (number(figure.value), number(figure.standard_error));
+        let (unit, expected) = (&figure.unit, number(figure.expected));
+        let words = format!("{value} {unit} (standard error {error}; theory {expected})");
+        line(&format!("{} ", figure.name), words.replace("  ", " "));
+    }
     let drift = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.1e}"));
     line("energy drift", drift(snapshot.energy_drift));
     line("largest overlap", drift(snapshot.max_overlap));
@@ -406,6 +423,7 @@ mod tests {
             maxwell: vec![0.5, 2.5],
             ks: 0.1,
             ks_critical: 0.2,
+            ..Speeds::default()
         };
         let snapshot = Snapshot {
             speeds: Some(Arc::new(speeds)),

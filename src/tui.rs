@@ -5,6 +5,8 @@
 
 pub mod app;
 pub mod camera;
+pub mod config;
+pub mod copy;
 pub mod format;
 pub mod frame;
 pub mod input;
@@ -13,7 +15,9 @@ pub mod link;
 pub mod options;
 pub mod pace;
 pub mod picture;
+pub mod plain;
 pub mod receipt;
+pub mod span;
 pub mod suspension;
 pub mod terminal;
 pub mod theme;
@@ -25,16 +29,17 @@ use std::time::{Duration, Instant};
 
 use ratatui::buffer::Buffer;
 use ratatui::crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
-use ratatui::layout::Rect;
+use ratatui::layout::{Position, Rect};
 
 use crate::error::Result;
 use crate::feed::{Access, Command, Feed};
-use app::App;
+use app::{App, Request};
 use link::Meter;
 pub use options::Options;
 use pace::{Due, News, Pace};
 use suspension::Suspension;
 use terminal::Screen;
+use theme::Theme;
 
 /// Why the dashboard ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +72,10 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// # Errors
 /// When standard output is no terminal, or the terminal refuses.
 pub fn run(feed: &dyn Feed, access: Access, stop: &AtomicBool, options: &Options) -> Result<Leave> {
-    let mut screen = Screen::take(options.palette())?;
+    if options.plain || !plain::can_draw() {
+        return plain::run(feed, access, stop, options);
+    }
+    let mut screen = Screen::take(options.palette(), options.mouse())?;
     feed.send(Command::Watch(true));
     let left = Watcher::new(feed, access, options).watch(stop, &mut screen);
     feed.send(Command::Watch(false));
@@ -86,12 +94,14 @@ struct Watcher<'a> {
     /// When a frame was last left out.
     left_out: Instant,
     size: (u16, u16),
+    theme: Theme,
 }
 
 impl<'a> Watcher<'a> {
     fn new(feed: &'a dyn Feed, access: Access, options: &Options) -> Self {
         let now = Instant::now();
         let mut app = App::new(feed.latest(), options.is_ascii());
+        app.keymap = options.config.keymap.clone();
         app.access = access;
         Self {
             feed,
@@ -102,6 +112,7 @@ impl<'a> Watcher<'a> {
             asked: None,
             left_out: now,
             size: (0, 0),
+            theme: options.theme(),
         }
     }
 
@@ -132,6 +143,7 @@ impl<'a> Watcher<'a> {
                     if let Some(leave) = self.obey(&event) {
                         return Ok(leave);
                     }
+                    self.grant(screen);
                 }
             }
         }
@@ -160,6 +172,7 @@ impl<'a> Watcher<'a> {
     /// Draws what is due, if the terminal has taken the frame before.
     fn draw(&mut self, screen: &mut Screen) -> Result<()> {
         let now = Instant::now();
+        self.news.picture |= self.app.turning && !self.app.frozen;
         let due = self.pace.due(self.news, now);
         // A terminal without a size shows nothing.
         if due == Due::Nothing || self.size.0 == 0 || self.size.1 == 0 {
@@ -171,6 +184,9 @@ impl<'a> Watcher<'a> {
                 self.meter.dropped();
             }
             return Ok(());
+        }
+        if due == Due::Everything {
+            self.app.turn_by_itself();
         }
         if due != Due::Response {
             self.app.link = self.meter.read(now);
@@ -199,10 +215,56 @@ impl<'a> Watcher<'a> {
                 let feed = self.feed;
                 self.app.press(*key, &mut |command| feed.send(command))
             }
+            Event::Mouse(mouse) => {
+                let area = Rect::new(0, 0, self.size.0, self.size.1);
+                let at = Position::new(mouse.column, mouse.row);
+                let panels = view::panels(&self.app, area);
+                let under = panels.iter().find(|(_, place)| place.contains(at));
+                let on_title = under.is_some_and(|(_, place)| place.y == mouse.row);
+                self.app
+                    .point(mouse, under.map(|(panel, _)| *panel), on_title);
+                None
+            }
             _ => None,
         };
         self.news.response = true;
         self.asked = Some(Instant::now());
         leave
     }
+
+    /// Does what a key asked for and only the terminal's holder can do.
+    fn grant(&mut self, screen: &mut Screen) {
+        match self.app.request.take() {
+            Some(Request::Copy) => {
+                let written = copy::write(screen.shown(), self.theme);
+                self.app.message = Some(match written {
+                    Ok(name) => format!("written to {name}.txt and {name}.svg"),
+                    Err(error) => format!("the copy could not be written: {error}"),
+                });
+            }
+            Some(Request::Redraw) => screen.forget(),
+            None => {}
+        }
+    }
+}
+
+/// The dashboard of a run as it stands after some time, in a window of a size: for pictures.
+pub fn screenshot(feed: &dyn Feed, options: &Options, size: (u16, u16), after: Duration) -> Buffer {
+    let mut app = App::new(feed.latest(), options.is_ascii());
+    app.keymap = options.config.keymap.clone();
+    feed.send(Command::Watch(true));
+    let start = Instant::now();
+    while start.elapsed() < after {
+        std::thread::sleep(TICK);
+        let newest = feed.latest();
+        if newest.sequence != app.latest.sequence {
+            app.observe(newest);
+        }
+    }
+    feed.send(Command::Watch(false));
+    app.refresh(true);
+    let area = Rect::new(0, 0, size.0, size.1);
+    let mut screen = Buffer::empty(area);
+    view::draw(&app, area, &mut screen);
+    screen
 }

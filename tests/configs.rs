@@ -125,3 +125,45 @@ fn the_seeds_scenes_run() {
     run("seed-512", 10.0);
     run("seed-15625", 0.5);
 }
+
+#[test]
+fn equal_speeds_become_maxwellian_within_five_collisions_per_ball() {
+    let (last, _) = run("relaxation", 8.0);
+    let relaxation = &last.observables[0];
+    let column = |name: &str| {
+        let column = relaxation.columns.iter().find(|column| column.name == name);
+        column
+            .expect("a column")
+            .values
+            .iter()
+            .flatten()
+            .copied()
+            .collect::<Vec<f64>>()
+    };
+    let [collisions, h, maxwell] = ["collisions_per_ball", "h", "h_of_maxwell"].map(column);
+    let fourth = column("fourth_moment");
+    assert!(
+        (fourth[0] - 1.0).abs() < 1e-9 && h[0] > maxwell[0] + 1.0,
+        "{} {}",
+        fourth[0],
+        h[0]
+    );
+    let late = collisions
+        .iter()
+        .position(|count| *count > 5.0)
+        .expect("five collisions per ball");
+    for row in late..h.len() {
+        assert!(
+            (h[row] - maxwell[row]).abs() < 0.01,
+            "{} {}",
+            h[row],
+            maxwell[row]
+        );
+    }
+    // Of 8000 balls at one instant the moment scatters by 1.3 %.
+    assert!(
+        (fourth[late..].iter().sum::<f64>() / fourth[late..].len() as f64 / (5.0 / 3.0) - 1.0)
+            .abs()
+            < 0.01
+    );
+}

@@ -564,7 +564,33 @@ fn bad_input_has_exit_code_2() {
     check_refused(&dense, "is too dense: at most 0.01");
     let twice = ["run", SCENE, "--engine", "event", "--accuracy", "1%"];
     check_refused(&twice, "--accuracy chooses the engine");
-    check_refused(&[SCENE], "the dashboard needs a terminal");
+}
+
+#[test]
+fn without_a_terminal_the_dashboard_is_plain_lines() {
+    let directory = directory();
+    let arguments = [
+        SCENE,
+        "--in-process",
+        "--until",
+        "3",
+        "--plain-every",
+        "0.05",
+    ];
+    let mut command = moltop(&directory, &arguments);
+    let output = command.env("LC_ALL", "C").output().expect("it starts");
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let words = text(&output.stdout);
+    assert!(words.is_ascii() && !words.contains('\x1b'), "{words}");
+    let last = words.lines().last().expect("a line");
+    assert!(
+        last.starts_with("t 3.000 of 3.000 (100.00 %), finished, wall "),
+        "{last}"
+    );
+    assert!(
+        last.contains("temperature ") && last.contains("trust sound"),
+        "{last}"
+    );
 }
 
 #[test]

@@ -58,6 +58,7 @@ fn the_files_in_configs_are_good_and_the_embedded_scene_is_one_of_them() {
         "mixture.toml",
         "oxygen.toml",
         "piston.toml",
+        "relaxation.toml",
         "seed-15625.toml",
         "seed-512.toml",
         "wedge.toml",

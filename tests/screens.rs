@@ -5,15 +5,18 @@ mod fake;
 use std::sync::Arc;
 
 use moltop::feed::Command;
-use moltop::snapshot::{Boundary, Echo, Phase, SceneCard, Snapshot};
+use moltop::snapshot::{Boundary, Echo, Observable, Phase, SceneCard, Snapshot, Stretch};
 use moltop::tui::Leave;
-use moltop::tui::app::{App, Overlay};
+use moltop::tui::app::{App, Overlay, Panel};
+use moltop::tui::camera::Camera;
 use moltop::tui::picture::Mode;
 use moltop::tui::view;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
-use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
+use ratatui::crossterm::event::{
+    KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind,
+};
 use ratatui::layout::Rect;
 
 use fake::{Random, oxygen, running, small_gas, starting};
@@ -253,7 +256,9 @@ fn seven_bits_are_enough() {
 #[test]
 fn a_small_window_says_what_it_needs() {
     let app = watching(&Phase::Running, false);
-    assert!(screen(&app, 30, 8).contains("moltop needs 40x12, has 30x8"));
+    golden("one_row", &app, 39, 4);
+    golden("one_row", &app, 80, 1);
+    assert!(screen(&app, 12, 2).contains("needs 40x12"));
 }
 
 /// A snapshot whose every number is as bad as numbers get.
@@ -269,10 +274,13 @@ fn hostile() -> Snapshot {
     snapshot.expected.pair_rate = Some(0.0);
     snapshot.kinetic_energy = f64::MAX;
     let history = Arc::make_mut(&mut snapshot.history);
-    for (index, point) in history.iter_mut().enumerate() {
-        point.temperature = [f64::NAN, f64::MAX, -f64::MAX, 0.0][index % 4];
-        point.pressure = f64::NAN;
-        point.time = [1.0, f64::NAN, 0.5, -1.0][index % 4];
+    for index in 0..300 {
+        let time = [1.0, f64::NAN, 0.5, -1.0][index % 4];
+        let temperature = [f64::NAN, f64::MAX, -f64::MAX, 0.0][index % 4];
+        let stretch = Stretch::new(f64::NAN, time, f64::INFINITY)
+            .with(Observable::Temperature, Some(temperature))
+            .with(Observable::PressureWall, Some(f64::NAN));
+        history.push(stretch);
     }
     let speeds = Arc::make_mut(snapshot.speeds.as_mut().expect("a running run has speeds"));
     speeds.ks_critical = 0.0;
@@ -300,7 +308,7 @@ fn nothing_that_is_no_number_reaches_the_screen() {
 
 #[test]
 fn no_size_and_no_key_ends_in_a_panic() {
-    let keys: Vec<KeyCode> = " rs,.+-v[]0f?ynq"
+    let keys: Vec<KeyCode> = " rs,.+-v[]<>0f?/ynqatTmwh12345678"
         .chars()
         .map(KeyCode::Char)
         .chain([
@@ -309,6 +317,12 @@ fn no_size_and_no_key_ends_in_a_panic() {
             KeyCode::Down,
             KeyCode::Right,
             KeyCode::Esc,
+            KeyCode::Enter,
+            KeyCode::Tab,
+            KeyCode::BackTab,
+            KeyCode::PageUp,
+            KeyCode::PageDown,
+            KeyCode::Home,
         ])
         .collect();
     let mut random = Random(3);
@@ -319,15 +333,168 @@ fn no_size_and_no_key_ends_in_a_panic() {
         App::new(Arc::new(hostile()), false),
         failed,
     ];
+    // MOLTOP_EVERY_SIZE=1 cargo test --test screens no_size: all of them, which takes minutes.
+    let every = std::env::var_os("MOLTOP_EVERY_SIZE").is_some();
+    let (across, down) = if every { (1, 1) } else { (7, 9) };
     for mut app in apps {
-        for width in (0..=250).step_by(7).chain([1, 39, 40, 79, 80, 81]) {
-            for height in (0..=80).step_by(9).chain([1, 2, 11, 12, 23, 24]) {
+        for width in (0..=250).step_by(across).chain([1, 39, 40, 79, 80, 81]) {
+            for height in (0..=80).step_by(down).chain([1, 2, 11, 12, 23, 24]) {
                 let area = Rect::new(0, 0, width, height);
                 view::draw(&app, area, &mut Buffer::empty(area));
                 press(&mut app, keys[random.next() as usize % keys.len()]);
             }
         }
     }
+}
+
+#[test]
+fn every_state_in_every_character_set() {
+    let frozen = {
+        let mut app = watching(&Phase::Running, false);
+        press(&mut app, KeyCode::Char('f'));
+        app
+    };
+    let states = [
+        ("starting", App::new(Arc::new(starting(oxygen())), false)),
+        ("running", watching(&Phase::Running, false)),
+        ("paused", watching(&Phase::Paused, false)),
+        ("reversed", watching(&Phase::Running, true)),
+        ("frozen", frozen),
+        ("failed", watching(&Phase::Failed("a bug".into()), false)),
+        ("finished", watching(&Phase::Finished, false)),
+    ];
+    for (name, mut app) in states {
+        golden(&format!("state_{name}"), &app, 132, 43);
+        app.ascii = true;
+        golden(&format!("state_{name}_ascii"), &app, 80, 24);
+        assert!(screen(&app, 200, 60).is_ascii());
+    }
+}
+
+#[test]
+fn every_panel_fills_the_window_and_gives_it_back() {
+    let mut app = watching(&Phase::Running, false);
+    press(&mut app, KeyCode::Char('m'));
+    show(&mut app, running(oxygen(), 300));
+    for (number, panel) in Panel::ALL.into_iter().enumerate() {
+        let key = KeyCode::Char(char::from(b'1' + number as u8));
+        press(&mut app, key);
+        assert_eq!(app.enlarged, Some(panel));
+        for (width, height) in [(80, 24), (132, 43), (40, 12)] {
+            golden(&format!("panel_{}", number + 1), &app, width, height);
+        }
+        app.ascii = true;
+        assert!(screen(&app, 80, 24).is_ascii());
+        app.ascii = false;
+        press(&mut app, key);
+        assert_eq!(app.enlarged, None);
+    }
+}
+
+#[test]
+fn a_panel_is_chosen_enlarged_and_left() {
+    let mut app = watching(&Phase::Running, false);
+    press(&mut app, KeyCode::Tab);
+    press(&mut app, KeyCode::Tab);
+    assert_eq!(app.chosen, Some(Panel::Now));
+    golden("chosen", &app, 80, 24);
+    press(&mut app, KeyCode::Enter);
+    assert_eq!(app.enlarged, Some(Panel::Now));
+    press(&mut app, KeyCode::BackTab);
+    assert_eq!(app.enlarged, Some(Panel::Gas));
+    press(&mut app, KeyCode::BackTab);
+    assert_eq!(app.enlarged, Some(Panel::Link));
+    press(&mut app, KeyCode::Esc);
+    assert_eq!((app.enlarged, app.chosen), (None, None));
+}
+
+#[test]
+fn the_charts_go_back_in_time_and_come_back() {
+    let mut app = watching(&Phase::Running, false);
+    for key in ['5', ']', ']', '<'] {
+        press(&mut app, KeyCode::Char(key));
+    }
+    golden("past", &app, 80, 24);
+    press(&mut app, KeyCode::Char('0'));
+    assert!(screen(&app, 80, 24).contains("the last"));
+    press(&mut app, KeyCode::Char('['));
+    press(&mut app, KeyCode::Char('['));
+    assert!(screen(&app, 80, 24).contains("the whole run"));
+}
+
+#[test]
+fn the_help_is_searched_and_scrolled() {
+    let mut app = watching(&Phase::Running, false);
+    for key in ['?', '/', 'h', 'i', 's', 't'] {
+        press(&mut app, KeyCode::Char(key));
+    }
+    golden("help_search", &app, 80, 24);
+    press(&mut app, KeyCode::Esc);
+    press(&mut app, KeyCode::Down);
+    assert!(
+        screen(&app, 40, 12).contains(" 2-"),
+        "{}",
+        screen(&app, 40, 12)
+    );
+    press(&mut app, KeyCode::Char('x'));
+    assert_eq!(app.overlay, None);
+}
+
+fn mouse(kind: MouseEventKind, column: u16, row: u16) -> MouseEvent {
+    MouseEvent {
+        kind,
+        column,
+        row,
+        modifiers: KeyModifiers::NONE,
+    }
+}
+
+#[test]
+fn the_mouse_turns_enlarges_and_zooms() {
+    let mut app = watching(&Phase::Running, false);
+    let left = MouseButton::Left;
+    app.point(
+        &mouse(MouseEventKind::Down(left), 20, 10),
+        Some(Panel::Gas),
+        false,
+    );
+    app.point(
+        &mouse(MouseEventKind::Drag(left), 25, 9),
+        Some(Panel::Gas),
+        false,
+    );
+    assert_eq!((app.camera.azimuth, app.camera.elevation), (15, 14));
+    app.point(
+        &mouse(MouseEventKind::ScrollUp, 20, 10),
+        Some(Panel::Gas),
+        false,
+    );
+    assert_eq!(app.camera.zoom_steps, 1);
+    app.point(
+        &mouse(MouseEventKind::ScrollUp, 60, 10),
+        Some(Panel::Now),
+        false,
+    );
+    assert_eq!(app.span.halvings, 1);
+    app.point(
+        &mouse(MouseEventKind::Down(left), 60, 2),
+        Some(Panel::Now),
+        true,
+    );
+    assert_eq!(app.enlarged, Some(Panel::Now));
+}
+
+#[test]
+fn a_slice_moves_through_the_gas_and_the_picture_turns_by_itself() {
+    let mut app = watching(&Phase::Running, false);
+    press(&mut app, KeyCode::PageUp);
+    press(&mut app, KeyCode::PageUp);
+    press(&mut app, KeyCode::Char('a'));
+    app.turn_by_itself();
+    press(&mut app, KeyCode::Char('1'));
+    golden("slice", &app, 80, 24);
+    press(&mut app, KeyCode::Home);
+    assert_eq!(app.camera, Camera::default());
 }
 
 #[test]

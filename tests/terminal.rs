@@ -11,8 +11,8 @@ const SMALL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/seed-512.toml"
 /// Bytes of the first paint and per second afterwards, with the oxygen's picture on; then of a frozen screen.
 #[track_caller]
 fn check_budget(size: (u16, u16), first: usize, per_second: f64) {
-    const SECONDS: u64 = 5;
-    let mut terminal = Terminal::start(size, &[], &[]);
+    const SECONDS: u64 = 4;
+    let mut terminal = Terminal::start(size, &["--in-process"], &[]);
     terminal.wait_for("running");
     let painted = terminal.bytes.len();
     assert!(painted <= first, "{painted} bytes of first paint");
@@ -35,7 +35,7 @@ fn a_large_window_takes_eight_kilobytes_per_second() {
     check_budget((200, 50), 20_000, 8_000.0);
 }
 
-const ENDLESS: [&str; 3] = [SMALL, "--until", "1e6"];
+const ENDLESS: [&str; 4] = [SMALL, "--in-process", "--until", "1e6"];
 
 #[test]
 fn a_named_budget_is_kept_and_a_paused_run_sends_nothing() {
@@ -43,7 +43,7 @@ fn a_named_budget_is_kept_and_a_paused_run_sends_nothing() {
     let mut terminal = Terminal::start((80, 24), &[&ENDLESS, &wishes[..]].concat(), &[]);
     terminal.wait_for("running");
     terminal.read_for(Duration::from_secs(2));
-    let sent = terminal.read_for(Duration::from_secs(5)) / 5;
+    let sent = terminal.read_for(Duration::from_secs(4)) / 4;
     assert!((50..=450).contains(&sent), "{sent} bytes per second");
     terminal.press(" ");
     terminal.wait_for("paused");
@@ -98,7 +98,7 @@ fn a_line_that_stands_still_gets_one_screen_afterwards() {
     terminal.answers = true;
     terminal.wait_for("running");
     terminal.read_for(Duration::from_secs(1));
-    std::thread::sleep(Duration::from_secs(7)); // nobody reads
+    std::thread::sleep(Duration::from_secs(4)); // nobody reads
     let late = terminal.read_for(Duration::from_millis(1));
     println!("{late} bytes after the stall");
     assert!(late <= 200 * 50, "{late} bytes");
@@ -125,16 +125,21 @@ fn rendition_codes(bytes: &[u8]) -> Vec<String> {
 fn tour(arguments: &[&str], variables: &[(&str, &str)]) -> Vec<u8> {
     let mut terminal = Terminal::start((120, 40), &[&ENDLESS, arguments].concat(), variables);
     terminal.wait_for("running");
-    for key in ["v", "?", "?", "\x1b[C", "f", "f", "r", "q", "n", " "] {
+    for key in [
+        "v", "?", "x", "\x1b[C", "r", "2", "3", "4", "5", "6", "7", "8", "\t", "\x1b", "\t", "f",
+        "f", "m", "q", "n", " ",
+    ] {
         terminal.press(key);
-        terminal.read_for(Duration::from_millis(150));
+        terminal.read_for(Duration::from_millis(120));
     }
     std::mem::take(&mut terminal.bytes)
 }
 
 #[test]
 fn sixteen_colours_are_the_classic_ones() {
-    let codes = rendition_codes(&tour(&[], &[]));
+    let bytes = tour(&[], &[]);
+    assert!(!bytes.is_ascii());
+    let codes = rendition_codes(&bytes);
     assert!(codes.len() > 4, "{codes:?}");
     for code in codes {
         let classic = match code.parse().unwrap_or(0) {
@@ -143,7 +148,9 @@ fn sixteen_colours_are_the_classic_ones() {
         };
         assert!(classic, "{code}");
     }
-    let none = rendition_codes(&tour(&[], &[("NO_COLOR", "1")]));
+    let bytes = tour(&["--ascii"], &[("NO_COLOR", "1")]);
+    assert!(bytes.is_ascii());
+    let none = rendition_codes(&bytes);
     assert!(
         none.iter()
             .all(|code| ["", "0", "1", "7"].contains(&code.as_str())),
@@ -152,8 +159,25 @@ fn sixteen_colours_are_the_classic_ones() {
 }
 
 #[test]
+fn a_dumb_terminal_gets_plain_lines() {
+    let arguments = [
+        SMALL,
+        "--in-process",
+        "--until",
+        "3",
+        "--plain-every",
+        "0.1",
+    ];
+    let mut terminal = Terminal::start((80, 24), &arguments, &[("TERM", "dumb")]);
+    assert!(terminal.wait_for_end().success());
+    let words = String::from_utf8_lossy(&terminal.bytes).into_owned();
+    assert!(
+        !words.contains('\x1b') && words.contains("trust sound"),
+        "{words}"
+    );
+}
+
+#[test]
 fn seven_bits_are_enough_for_a_terminal_without_utf_8() {
-    assert!(tour(&[], &[("LANG", "C")]).is_ascii());
-    assert!(tour(&["--ascii"], &[]).is_ascii());
-    assert!(!tour(&[], &[]).is_ascii());
+    assert!(tour(&["--theme", "dark"], &[("LANG", "C")]).is_ascii());
 }

@@ -1,10 +1,12 @@
 //! Engine `windowed` against engine `event`: the same collisions, bit for bit and in the same order.
 
 mod common;
+#[path = "common/random_scene.rs"]
+mod random_scene;
 
 use common::{lattice, normal, seed_scene};
 use glam::DVec3;
-use moltop::domain::Domain;
+use moltop::domain::{Boundary, Domain};
 use moltop::engine::Engine;
 use moltop::engine::event_driven::EventDriven;
 use moltop::engine::windowed::Windowed;
@@ -12,6 +14,7 @@ use moltop::event::Participants;
 use moltop::state::{Body, Placement, State, Time};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use random_scene::random_scene;
 
 /// Runs an engine in slices; gives all its collisions and the hash of its last state.
 fn collisions(
@@ -72,44 +75,81 @@ fn a_gas_with_few_long_flights_collides_as_in_engine_event() {
 
 #[test]
 fn mixtures_at_random_places_collide_as_in_engine_event() {
-    for seed in 0..50 {
-        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
-        let half_size = DVec3::new(
-            random.random_range(6.0..9.0),
-            random.random_range(6.0..9.0),
-            7.0,
-        );
-        let body = |random: &mut Xoshiro256PlusPlus| Body {
-            radius: random.random_range(0.0..1.0),
-            mass: random.random_range(0.01..10.0),
-        };
-        let mut placement = Placement {
-            domain: Domain::container(half_size),
-            center: DVec3::ZERO,
-            bodies: vec![body(&mut random), body(&mut random)],
-            body_of: Vec::new(),
-            positions: Vec::new(),
-            velocities: Vec::new(),
-        };
-        for _ in 0..300 {
-            let kind = random.random_range(0..2_u32);
-            let radius = placement.bodies[kind as usize].radius;
-            let place = DVec3::from_array(
-                (half_size - radius)
-                    .to_array()
-                    .map(|room| random.random_range(-room..room)),
-            );
-            let mut others = placement.positions.iter().zip(&placement.body_of);
-            if others.all(|(other, &kind)| {
-                place.distance(*other) > radius + placement.bodies[kind as usize].radius
-            }) {
-                placement.positions.push(place);
-                placement.body_of.push(kind);
-                placement.velocities.push(normal(&mut random));
-            }
-        }
+    for seed in 0..25 {
+        compare(&mixture(seed), 5.0, 100);
+    }
+}
+
+#[test]
+fn mixtures_in_a_periodic_box_collide_as_in_engine_event() {
+    for seed in 0..25 {
+        let mut placement = mixture(seed);
+        placement.domain.boundary = Boundary::Periodic;
         compare(&placement, 5.0, 100);
     }
+}
+
+#[test]
+fn a_dense_periodic_fluid_collides_as_in_engine_event() {
+    let mut placement = lattice(9, 1.2, 9.0 * 1.2, 8);
+    placement.domain.boundary = Boundary::Periodic;
+    compare(&placement, 3.0, 8000);
+    let mut placement = lattice(14, 4.0, 14.0 * 4.0, 9);
+    placement.domain.boundary = Boundary::Periodic;
+    compare(&placement, 20.0, 2000);
+}
+
+#[test]
+fn scenes_of_all_kinds_that_it_supports_collide_as_in_engine_event() {
+    let scenes = (0..250).map(random_scene);
+    let supported: Vec<_> = scenes.filter(Windowed::supports).collect();
+    let with_planes = |scene: &&Placement| !scene.domain.planes.is_empty();
+    let periodic = |scene: &&Placement| scene.domain.boundary == Boundary::Periodic;
+    assert!(supported.iter().filter(with_planes).count() > 25);
+    assert!(supported.iter().filter(periodic).count() > 25);
+    for scene in &supported {
+        compare(scene, 10.0, 0);
+    }
+}
+
+/// Some hundred balls of two kinds at random places without overlap in a container.
+fn mixture(seed: u64) -> Placement {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let half_size = DVec3::new(
+        random.random_range(6.0..9.0),
+        random.random_range(6.0..9.0),
+        7.0,
+    );
+    let body = |random: &mut Xoshiro256PlusPlus| Body {
+        radius: random.random_range(0.0..1.0),
+        mass: random.random_range(0.01..10.0),
+    };
+    let mut placement = Placement {
+        domain: Domain::container(half_size),
+        center: DVec3::ZERO,
+        bodies: vec![body(&mut random), body(&mut random)],
+        body_of: Vec::new(),
+        positions: Vec::new(),
+        velocities: Vec::new(),
+    };
+    for _ in 0..300 {
+        let kind = random.random_range(0..2_u32);
+        let radius = placement.bodies[kind as usize].radius;
+        let place = DVec3::from_array(
+            (half_size - radius)
+                .to_array()
+                .map(|room| random.random_range(-room..room)),
+        );
+        let mut others = placement.positions.iter().zip(&placement.body_of);
+        if others.all(|(other, &kind)| {
+            place.distance(*other) > radius + placement.bodies[kind as usize].radius
+        }) {
+            placement.positions.push(place);
+            placement.body_of.push(kind);
+            placement.velocities.push(normal(&mut random));
+        }
+    }
+    placement
 }
 
 #[test]

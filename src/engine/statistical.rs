@@ -67,6 +67,9 @@ pub const CAREFUL: Resolution = Resolution {
     cell: 1.0 / 6.0,
 };
 
+/// What a share of a step has noted one by one: who left a periodic box through which face, and collisions.
+type Notes = (Vec<(u32, Wall)>, Vec<Collision>);
+
 /// The statistical engine.
 #[derive(Clone, Debug)]
 pub struct Statistical {
@@ -246,7 +249,7 @@ impl Statistical {
     }
 
     /// Keeps what the shares of a step have noted one by one.
-    fn keep(&mut self, shares: Vec<(Vec<(u32, Wall)>, Vec<Collision>)>) {
+    fn keep(&mut self, shares: Vec<Notes>) {
         self.pending.collisions.clear();
         self.pending.done = 0;
         for (faces, collisions) in shares {

@@ -3,71 +3,50 @@
 //! In a dilute gas a classical event queue spends nearly all of its time on cell crossings that miss the cache. This engine has
 //! neither crossings nor a queue of all balls. It cuts time into short windows, all balls at once:
 //!
-//! 1. **List** each ball in the cells that its straight path in the window reaches into, along with the pieces of path that
-//!    follow its wall hits.
-//! 2. **Find**, cell by cell, the pairs of pieces that meet: a fast conservative filter first, then the exact prediction.
-//! 3. **Commit** the meetings in order of time. One is valid if both pieces are then their balls' present flights. The new
-//!    flights are listed and tested in turn, and what they meet joins the line.
+//! 1. **List** each ball in the cells that its straight path in the window reaches into (`listing.rs`), along with the pieces of
+//!    path that follow where it meets what bounds the domain (`paths.rs`).
+//! 2. **Find**, cell by cell, the pairs of pieces that meet: a fast conservative filter first (`filter.rs`), then the exact
+//!    prediction. The pieces that will follow are listed and tested at once, while their surroundings are at hand (`region.rs`).
+//! 3. **Commit** the meetings in order of time (`commits.rs`). One is valid if both pieces are then their balls' present flights.
 //!
 //! What always holds: every two pieces are tested when the later one is listed, in the cell of their contact point; whether a
 //! piece has begun or ended before a meeting is settled when that meeting's turn comes. So the collisions are those of the true
 //! dynamics, and since predictions are pure functions of trajectories they are those of engine `event`, bit for bit.
 //!
-//! Balls are kept sorted along a Morton curve through the cells and sorted again now and then; the state keeps its own order.
-//! The curve is cut into regions, one for each thread (`windowed/region.rs`); only the commits are done by one.
+//! The exact flights are in the state, by ball. Beside them the engine keeps one [`Line`] of 32 bytes for each: where it is at
+//! the beginning of the window and its velocity, in f32, moved on from window to window and made anew from the exact flight at
+//! each collision and each sorting. Lines are sorted along a Morton curve through the cells. The curve is cut into regions, one
+//! for each thread; only the commits are done by one.
 
+mod commits;
 mod filter;
 mod grid;
+mod listing;
 mod meeting;
+mod paths;
 mod pieces;
 mod region;
+mod tuning;
 
-use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use glam::DVec3;
-
-use crate::domain::Boundary;
-use crate::engine::contact::{self, InstantWatch};
+use crate::engine::contact::InstantWatch;
 use crate::engine::{Counters, Engine, Stuck};
-use crate::event::{Collision, Wall};
-use crate::state::{Placement, State, Time, Trajectory};
-use filter::Start;
+use crate::event::Collision;
+use crate::state::{Placement, State, Time};
+use filter::Margins;
 use grid::Grid;
-use meeting::{AT_WALL, Meeting};
-use pieces::{Id, MOST_BALLS, MOST_REGIONS, NONE, Piece, Pieces};
-use region::{Fresh, Gas, Lookout, Passage, Region, Shelves, Window};
-
-/// Cell width in mean spacings of the balls; measured to be best, and flat around.
-const SPACINGS_PER_CELL: f64 = 3.0;
-
-/// Window length in mean times that a ball takes from one cell into the next.
-const CROSSINGS_PER_WINDOW: f64 = 0.8;
-
-/// Mean number of cell faces that a Maxwellian ball crosses while moving one cell width at the speed `sqrt(k T / m)`:
-/// `3 sqrt(2 / pi)`, derived here.
-const CROSSINGS_PER_WIDTH: f64 = 2.394;
-
-/// Most pair collisions per ball in a window.
-const COLLISIONS_PER_WINDOW: f64 = 0.1;
-
-/// Longest window \[epochs\]: times in it stay exact relative to its first epoch.
-const LONGEST_WINDOW: f64 = 4.0;
-
-/// Collisions per ball with which a window is full, because its length was foreseen for a gas with room.
-const MOST_PER_WINDOW: usize = 4;
+use listing::Flights;
+use meeting::Meeting;
+use paths::{Gas, Window};
+use pieces::{FRESH, LATER, Line, MOST_REGIONS, NONE, Numbering, Past, Piece, Pieces};
+use region::{Region, Shelves};
 
 /// Windows between two sortings of the balls.
 const WINDOWS_PER_SORT: u32 = 8;
 
-/// From which numbers of balls, and at which mean spacing in diameters, this engine is the faster one (measured).
-const FEW_BALLS: usize = 1000;
-const MANY_BALLS: usize = 20_000;
-const DILUTE_FEW: f64 = 2.75;
-const DILUTE_MANY: f64 = 1.75;
-
-/// Largest radius in smallest ones up to which the filter, which knows the largest only, lets little through in vain.
-const SIMILAR_SIZE: f64 = 4.0;
+/// Collisions per ball with which a window is full, because its length was foreseen for a gas with room.
+const MOST_PER_WINDOW: usize = 4;
 
 /// Fewest balls in a region: a thread must have enough to do to be worth starting.
 const BALLS_PER_REGION: usize = 10_000;
@@ -77,60 +56,45 @@ const BALLS_PER_REGION: usize = 10_000;
 pub struct Windowed {
     state: State,
     grid: Grid,
-    region_count: usize,
+    numbering: Numbering,
     regions: Vec<Region>,
-    /// The balls' flights at the beginning of the window, sorted; and the ball of each.
-    flights: Vec<Trajectory>,
-    balls: Vec<u32>,
-    /// The flights' starts.
-    starts: Vec<Start>,
-    /// Pieces that follow the flights' wall hits, by region.
-    firsts: Vec<Pieces>,
-    /// Each flight's present piece.
-    present: Vec<Id>,
-    /// Flights whose present piece is not their own.
-    changed: Vec<u32>,
+    /// Every flight as the filter sees it, sorted.
+    lines: Vec<Line>,
+    /// Every flight's radius in grid lengths, unless all are alike.
+    radii: Vec<f32>,
+    /// The other pieces, by kind and region.
+    pieces: [Vec<Pieces>; 3],
+    past: Past,
     window: Option<Window>,
     length: f64,
+    /// Whether the lines are still at the beginning of the window before.
+    behind: bool,
     windows_since_sort: u32,
+    /// When the balls were last sorted, and the pair collisions before that.
+    last_sort: (Time, u64),
+    /// Flights begun in this window.
+    turns: usize,
+    /// Largest component of any piece's velocity since the balls were sorted.
+    fastest: f32,
     /// Meetings found before the window's commits began, in order, and how many of them are done.
     meetings: Vec<Meeting>,
     done: usize,
     /// Meetings of pieces that began during the commits.
     follow_ups: BinaryHeap<Meeting>,
-    lookout: Lookout,
-    found: Vec<Meeting>,
-    passages: Vec<Passage>,
     instants: InstantWatch,
     counters: Counters,
 }
 
 impl Windowed {
-    /// Whether this engine can run a gas: a container without planes, every ball free to move, some moving.
+    /// Whether this engine can run a gas: a container, perhaps with planes, or a periodic box that is wider than any ball;
+    /// every ball free to move, some moving.
     pub fn supports(gas: &Placement) -> bool {
-        gas.domain.boundary == Boundary::Container
-            && gas.domain.planes.is_empty()
-            && gas.bodies.iter().all(|body| body.mass.is_finite())
-            && gas.positions.len() < MOST_BALLS
-            && gas
-                .velocities
-                .iter()
-                .any(|&velocity| velocity != DVec3::ZERO)
+        tuning::supports(gas)
     }
 
     /// Whether this engine is faster than `event` for a gas: enough balls of like size, far enough apart.
     pub fn pays(gas: &Placement) -> bool {
-        let count = gas.positions.len();
-        let spacing = (gas.domain.volume() / count as f64).cbrt();
-        let radii = || gas.bodies.iter().map(|body| body.radius);
-        let largest = radii().fold(0.0, f64::max);
-        let alike = largest <= SIMILAR_SIZE * radii().fold(f64::INFINITY, f64::min);
-        let dilute = if count >= MANY_BALLS {
-            DILUTE_MANY
-        } else {
-            DILUTE_FEW
-        };
-        count >= FEW_BALLS && alike && spacing >= dilute * 2.0 * largest && Self::supports(gas)
+        tuning::pays(gas)
     }
 
     /// Prepares a gas that this engine supports, to be run by so many threads at the most. Their number changes no collision.
@@ -147,73 +111,89 @@ impl Windowed {
     /// # Panics
     /// If [`Self::supports`] does not hold.
     pub fn with_regions(state: State, regions: usize) -> Self {
-        let walls_only =
-            state.domain.boundary == Boundary::Container && state.domain.planes.is_empty();
         assert!(
-            walls_only && !state.bodies.any_fixed(),
+            tuning::is_suitable(&state.domain, state.bodies.largest_radius())
+                && !state.bodies.any_fixed(),
             "the caller has asked whether this engine supports the gas"
         );
         let count = state.ball_count();
-        let volume = state.domain.volume();
-        let spacing = (volume / count as f64).cbrt();
-        let diameter = 2.0 * state.bodies.mean_radius();
-        let grid = Grid::new(
-            state.domain.half_size,
-            (SPACINGS_PER_CELL * spacing).max(diameter),
-            count,
-        );
-        let squares: f64 = state
-            .trajectories
-            .iter()
-            .map(|flight| flight.velocity.length_squared())
-            .sum();
-        let deviation = (squares / (3.0 * count as f64)).sqrt();
-        // Pair collisions per ball and time, from kinetic theory with the contact value of Carnahan and Starling.
-        let packing = (std::f64::consts::PI / 6.0 * diameter * diameter * diameter * count as f64
-            / volume)
-            .min(0.7);
-        let contact_value =
-            (1.0 - 0.5 * packing) / ((1.0 - packing) * (1.0 - packing) * (1.0 - packing));
-        let section = 2.0 * std::f64::consts::PI.sqrt() * diameter * diameter * contact_value;
-        let rate = section * count as f64 / volume * deviation;
-        let transit =
-            CROSSINGS_PER_WINDOW * grid.width().min_element() / (CROSSINGS_PER_WIDTH * deviation);
+        let region_count = regions.clamp(1, MOST_REGIONS);
+        let grid = Grid::new(&state.domain, tuning::cell_width(&state), count);
+        let pieces = || vec![Pieces::default(); region_count];
         let mut engine = Self {
             grid,
-            region_count: regions.clamp(1, MOST_REGIONS),
-            regions: Vec::new(),
-            flights: state.trajectories.clone(),
-            balls: (0..count as u32).collect(),
-            starts: vec![Start::default(); count],
-            firsts: Vec::new(),
-            present: (0..count as u32).collect(),
-            changed: Vec::new(),
+            numbering: Numbering::new(region_count),
+            regions: vec![Region::default(); region_count],
+            lines: Vec::new(),
+            radii: Vec::new(),
+            pieces: [pieces(), pieces(), pieces()],
+            past: Past(std::array::from_fn(|_| vec![Vec::new(); region_count])),
             window: None,
-            length: transit
-                .min(COLLISIONS_PER_WINDOW / rate)
-                .min(LONGEST_WINDOW),
+            length: 1.0,
+            behind: false,
             windows_since_sort: 0,
+            last_sort: (state.now, 0),
+            turns: 0,
+            fastest: 0.0,
             meetings: Vec::new(),
             done: 0,
             follow_ups: BinaryHeap::new(),
-            lookout: Lookout::default(),
-            found: Vec::new(),
-            passages: Vec::new(),
             instants: InstantWatch::new(count),
             counters: Counters::default(),
             state,
         };
+        let gas = engine.gas(engine.next_window());
+        let flights = engine.state.trajectories.iter().zip(0..);
+        engine.lines = flights
+            .map(|(flight, ball)| gas.line(flight, ball, NONE))
+            .collect();
         engine.sort();
         engine
     }
 
-    /// Sorts the balls along the curve through the cells, by where they are at the present, and cuts the curve into regions of
-    /// about as many balls each.
+    /// The window that begins at the present.
+    fn next_window(&self) -> Window {
+        let begin = self.state.now;
+        let end = begin.after(self.length);
+        Window {
+            begin,
+            end: end.expect("a window is a few epochs long"),
+        }
+    }
+
+    fn gas(&self, window: Window) -> Gas<'_> {
+        Gas {
+            state: &self.state,
+            grid: &self.grid,
+            numbering: self.numbering,
+            window,
+            speed_scale: self.grid.scale * self.length,
+            slack: 2.0 * self.line_error() + grid::SLACK,
+        }
+    }
+
+    /// By how much a line's position may be wrong, in grid lengths: by the rounding at each of the windows since it was made,
+    /// and by that of its velocity.
+    fn line_error(&self) -> f64 {
+        let extent = self.grid.extent() + 4.0 * f64::from(self.fastest);
+        f64::from(f32::EPSILON) * f64::from(WINDOWS_PER_SORT + 4) * extent
+    }
+
+    /// Sorts the balls along the curve through the cells, by where they are at the present, cuts the curve into regions of
+    /// about as many balls each, and makes all lines from the exact flights.
     fn sort(&mut self) {
-        self.windows_since_sort = 0;
-        let now = self.state.now;
-        let cell_of = |flight: &Trajectory| self.grid.cell_at(flight.position_at(now)) as u32;
-        let cells: Vec<u32> = self.flights.iter().map(cell_of).collect();
+        let share = f32::from(self.behind);
+        let cell_of = |line: &Line| {
+            let line = match self.numbering.piece(line.link) {
+                _ if line.link == NONE => line,
+                Piece::Other(kind, region, place) => &self.pieces[kind][region].lines[place],
+                Piece::Flight(_) => unreachable!("a ball leaves its flight along another piece"),
+            };
+            let position =
+                std::array::from_fn(|axis| line.position[axis] + share * line.velocity[axis]);
+            self.grid.cell_at(position) as u32
+        };
+        let cells: Vec<u32> = self.lines.iter().map(cell_of).collect();
         let mut places = vec![0_u32; self.grid.cell_count() + 1];
         for &cell in &cells {
             places[cell as usize + 1] += 1;
@@ -221,8 +201,7 @@ impl Windowed {
         for cell in 1..places.len() {
             places[cell] += places[cell - 1];
         }
-        let count = self.flights.len();
-        let region_count = self.region_count;
+        let (count, region_count) = (self.lines.len(), self.regions.len());
         let cut = |region: usize| {
             let balls = (count * region / region_count) as u32;
             if region == region_count {
@@ -232,24 +211,56 @@ impl Windowed {
             }
         };
         let cuts: Vec<usize> = (0..=region_count).map(cut).collect();
-        let region = |number: usize| {
+        for (number, region) in self.regions.iter_mut().enumerate() {
             let (first, end) = (cuts[number], cuts[number + 1]);
-            Region::new(
-                number,
-                first..end,
-                places[first] as usize..places[end] as usize,
-            )
-        };
-        self.regions = (0..region_count).map(region).collect();
-        self.firsts.resize(region_count, Pieces::default());
-        let (mut flights, mut balls) = (self.flights.clone(), self.balls.clone());
-        for (index, &cell) in cells.iter().enumerate() {
+            let flights = places[first] as usize..places[end] as usize;
+            region.reset(number, first..end, flights);
+        }
+        let mut balls = vec![0_u32; count];
+        for (line, &cell) in self.lines.iter().zip(&cells) {
             let place = &mut places[cell as usize];
-            flights[*place as usize] = self.flights[index];
-            balls[*place as usize] = self.balls[index];
+            balls[*place as usize] = line.ball;
             *place += 1;
         }
-        (self.flights, self.balls) = (flights, balls);
+        drop((cells, places));
+        self.tune();
+
+        let mut lines = std::mem::take(&mut self.lines);
+        let gas = self.gas(self.next_window());
+        let shares = self.regions.iter().zip(shares(&mut lines, &self.regions));
+        side_by_side(shares, |(region, lines)| {
+            for (line, &ball) in lines.iter_mut().zip(&balls[region.flights.clone()]) {
+                *line = gas.line(&gas.state.trajectories[ball as usize], ball, NONE);
+            }
+        });
+        if self.state.bodies.uniform().is_none() {
+            let radius = |line: &Line| (gas.body(line.ball).radius * self.grid.scale) as f32;
+            self.radii = lines.iter().map(radius).collect();
+        }
+        self.fastest = lines
+            .iter()
+            .fold(0.0, |fastest, line| line.speed().max(fastest));
+        self.lines = lines;
+        self.behind = false;
+        self.windows_since_sort = 0;
+    }
+
+    /// Chooses the length of the windows until the next sorting, from the state and from counts alone.
+    fn tune(&mut self) {
+        let count = self.lines.len() as f64;
+        let flights = self.state.trajectories.iter();
+        let squares: f64 = flights.map(|flight| flight.velocity.length_squared()).sum();
+        let deviation = (squares / (3.0 * count)).sqrt();
+        let (then, before) = self.last_sort;
+        self.last_sort = (self.state.now, self.counters.pair_collisions);
+        let elapsed = self.state.now.since(then);
+        let rate = if elapsed > 0.0 {
+            2.0 * (self.counters.pair_collisions - before) as f64 / (count * elapsed)
+        } else {
+            0.0
+        };
+        let width = self.grid.width().min_element();
+        self.length = tuning::window_length(&self.state, width, deviation, rate);
     }
 
     /// Lists all balls and finds the meetings of the window that begins at the present.
@@ -258,284 +269,119 @@ impl Windowed {
             self.sort();
         }
         self.windows_since_sort += 1;
-        let begin = self.state.now;
-        let window = Window {
-            begin,
-            end: begin
-                .after(self.length)
-                .expect("a window is a few epochs long"),
+        self.turns = 0;
+        let window = self.next_window();
+        for (past, pieces) in self.past.0.iter_mut().zip(&mut self.pieces) {
+            for (past, pieces) in past.iter_mut().zip(pieces) {
+                std::mem::swap(past, &mut pieces.lines);
+                pieces.clear();
+            }
+        }
+        let margins = Margins {
+            contact: 2.0 * self.state.bodies.largest_radius() * self.grid.scale,
+            position: self.line_error(),
+            edges: self.grid.edges,
+            fastest: self.fastest,
         };
-        let Self {
-            state,
-            grid,
-            regions,
-            flights,
-            balls,
-            starts,
-            firsts,
-            lookout,
-            meetings,
-            ..
-        } = self;
-        let gas = Gas {
-            state,
-            grid,
-            flights,
-            balls,
-            window,
-        };
+        let advance = f32::from(std::mem::replace(&mut self.behind, true));
+        let mut lines = std::mem::take(&mut self.lines);
+        let mut regions = std::mem::take(&mut self.regions);
+        let mut pieces = std::mem::take(&mut self.pieces);
+        let [firsts, fresh, later] = &mut pieces;
+        let gas = self.gas(window);
 
-        let mut rest = &mut starts[..];
-        let shares: Vec<_> = regions
-            .iter()
-            .map(|region| rest.split_off_mut(..region.flights.len()).expect("a share"))
-            .collect();
+        let shares = shares(&mut lines, &regions);
         let lists = regions.iter_mut().zip(shares).zip(firsts.iter_mut());
-        side_by_side(lists, |((region, starts), firsts)| {
-            region.list(gas, starts, firsts)
-        });
-
-        let fastest = regions
-            .iter()
-            .fold(0.0, |fastest: f64, region| fastest.max(region.fastest));
-        // Pieces may be drawn back beyond the box, by their path in the window; none is four times as fast as all flights.
-        let extent = state.domain.half_size.max_element() + 4.0 * fastest * window.end.since(begin);
-        let margins = (2.0 * state.bodies.largest_radius(), extent);
-        let mail: Vec<_> = regions
-            .iter_mut()
-            .map(|region| std::mem::take(&mut region.outbox))
-            .collect();
-        side_by_side(regions.iter_mut(), |region| {
-            region.find(gas, starts, firsts, &mail, margins)
-        });
-
-        meetings.clear();
-        self.done = 0;
-        for region in regions.iter() {
-            meetings.extend(&region.meetings);
-        }
-        lookout.begin_window(margins.0, margins.1);
-        // What was foreseen across a region's border is listed and tested there, now that all have finished.
-        let mail: Vec<_> = regions
-            .iter_mut()
-            .flat_map(|region| std::mem::take(&mut region.outbox))
-            .collect();
-        for (id, cell) in mail {
-            let region = region_of(regions, cell);
-            regions[region].lists.insert(cell as usize, id);
-            let shelves = Shelves {
-                gas,
-                starts,
-                firsts,
-                fresh: Fresh::In(regions),
+        side_by_side(lists, |((region, lines), firsts)| {
+            let radii = if self.radii.is_empty() {
+                &[]
+            } else {
+                &self.radii[region.flights.clone()]
             };
-            lookout.look(&shelves, &regions[region].lists, (id, cell), meetings);
+            let flights = Flights {
+                lines,
+                radii,
+                past: &self.past,
+                advance,
+            };
+            region.list(gas, flights, margins, firsts);
+        });
+
+        let mut shelves = Shelves {
+            gas,
+            lines: &lines,
+            kinds: [firsts, &[], &[]],
+        };
+        let mail = outboxes(&mut regions);
+        side_by_side(
+            regions.iter_mut().zip(fresh.iter_mut()),
+            |(region, fresh)| region.find(shelves, &mail, (FRESH, fresh)),
+        );
+        shelves.kinds[FRESH] = fresh;
+        let mail = outboxes(&mut regions);
+        if mail.iter().any(|mail| !mail.is_empty()) {
+            // What was foreseen across a region's border is listed and tested there, now that all have finished.
+            side_by_side(
+                regions.iter_mut().zip(later.iter_mut()),
+                |(region, later)| region.find_visitors(shelves, &mail, Some((LATER, later))),
+            );
+            shelves.kinds[LATER] = later;
+            let mail = outboxes(&mut regions);
+            side_by_side(regions.iter_mut(), |region| {
+                region.find_visitors(shelves, &mail, None)
+            });
         }
-        // Made of sorted stretches: a sort that looks for such is quick.
-        meetings.sort_by(Meeting::order);
+        side_by_side(regions.iter_mut(), |region| region.sort(window.span()));
+
+        self.meetings.clear();
+        self.done = 0;
+        if let [region] = &mut regions[..] {
+            std::mem::swap(&mut self.meetings, &mut region.meetings);
+        } else {
+            for region in &mut regions {
+                self.meetings.append(&mut region.meetings);
+            }
+            // Made of sorted stretches: a sort that looks for such is quick.
+            self.meetings.sort_by(Meeting::order);
+        }
+        self.fastest = regions.iter().fold(self.fastest, |fastest, region| {
+            region.fastest().max(fastest)
+        });
+        (self.lines, self.regions, self.pieces) = (lines, regions, pieces);
         self.window = Some(window);
         window
     }
 
-    /// The next meeting in order, if it comes no later than `limit`.
-    fn take_next(&mut self, limit: f64) -> Option<Meeting> {
-        let found = self.meetings.get(self.done);
-        let follow_up = self.follow_ups.peek();
-        let from_follow_ups = match (found, follow_up) {
-            (Some(found), Some(follow_up)) => follow_up.order(found) == Ordering::Less,
-            (found, _) => found.is_none(),
-        };
-        let next = if from_follow_ups { follow_up } else { found };
-        let next = next.copied().filter(|meeting| meeting.time <= limit)?;
-        if from_follow_ups {
-            self.follow_ups.pop();
-        } else {
-            self.done += 1;
-        }
-        Some(next)
-    }
-
-    fn shelves(&self, window: Window) -> Shelves<'_> {
-        let Self {
-            state,
-            grid,
-            regions,
-            flights,
-            balls,
-            starts,
-            firsts,
-            ..
-        } = self;
-        Shelves {
-            gas: Gas {
-                state,
-                grid,
-                flights,
-                balls,
-                window,
-            },
-            starts,
-            firsts,
-            fresh: Fresh::In(regions),
-        }
-    }
-
-    fn hit_wall(
-        &mut self,
-        meeting: Meeting,
-        window: Window,
-        report: &mut dyn FnMut(&Collision),
-    ) -> Result<(), Stuck> {
-        let shelves = self.shelves(window);
-        let owner = shelves.owner(meeting.piece);
-        if self.present[owner as usize] != meeting.piece {
-            self.counters.stale_events += 1;
-            return Ok(());
-        }
-        let before = *shelves.trajectory(meeting.piece);
-        let time = window.instant(meeting.time);
-        self.state.now = time;
-        let ball = self.balls[owner as usize];
-        let body = self.state.bodies.of(ball as usize);
-        let number = meeting.other - AT_WALL;
-        let wall = Wall {
-            axis: number as usize / 2,
-            upper: number % 2 == 1,
-        };
-        let limit = self.state.domain.half_size[wall.axis] - body.radius;
-        let (after, collision) = contact::wall(ball, before, body, wall, limit, time);
-        self.counters.wall_collisions += 1;
-        self.instants.note(
-            &collision,
-            &[(ball as usize, self.last_contact(ball))],
-            &mut self.counters,
-        )?;
-        self.turn(owner, meeting.next[0], after);
-        report(&collision);
-        Ok(())
-    }
-
-    fn meet(
-        &mut self,
-        meeting: Meeting,
-        window: Window,
-        report: &mut dyn FnMut(&Collision),
-    ) -> Result<(), Stuck> {
-        let shelves = self.shelves(window);
-        let pair = meeting.in_order(&shelves);
-        let owners = pair.map(|id| shelves.owner(id));
-        if (0..2).any(|one| self.present[owners[one] as usize] != pair[one]) {
-            self.counters.stale_events += 1;
-            return Ok(());
-        }
-        let before = pair.map(|id| *shelves.trajectory(id));
-        let time = window.instant(meeting.time);
-        let late = time < self.state.now;
-        self.counters.late_events += u64::from(late);
-        let now = if late { self.state.now } else { time };
-        self.state.now = now;
-        let balls = owners.map(|owner| self.balls[owner as usize]);
-        let bodies = balls.map(|ball| self.state.bodies.of(ball as usize));
-        let (after, collision) = contact::pair(balls, before, bodies, DVec3::ZERO, now);
-        self.counters.pair_collisions += 1;
-        let watched = balls.map(|ball| (ball as usize, self.last_contact(ball)));
-        self.instants
-            .note(&collision, &watched, &mut self.counters)?;
-        for one in [0, 1] {
-            let foreseen = meeting.next[usize::from(pair[one] != meeting.piece)];
-            // A late collision does not happen where it was foreseen.
-            let next = if foreseen == NONE || late {
-                self.pursue(after[one], owners[one], pair, window)
-            } else {
-                foreseen
-            };
-            self.turn(owners[one], next, after[one]);
-        }
-        report(&collision);
-        Ok(())
-    }
-
-    /// Lists a piece that begins now and those that follow its wall hits, and tests them against all that is listed where they
-    /// pass. Gives the piece.
-    fn pursue(&mut self, after: Trajectory, owner: u32, parents: [Id; 2], window: Window) -> Id {
-        let Self {
-            state,
-            grid,
-            regions,
-            flights,
-            balls,
-            starts,
-            firsts,
-            lookout,
-            found,
-            passages,
-            follow_ups,
-            ..
-        } = self;
-        let gas = Gas {
-            state,
-            grid,
-            flights,
-            balls,
-            window,
-        };
-        found.clear();
-        passages.clear();
-        let mut fresh = std::mem::take(&mut regions[0].fresh);
-        let start = Start::new(after.position_at(window.begin), after.velocity);
-        let id = Piece::Fresh(0, fresh.push(after, start, owner, parents)).id();
-        let add = |after, start| Piece::Fresh(0, fresh.push(after, start, owner, [NONE; 2])).id();
-        gas.trace(
-            id,
-            after,
-            owner,
-            add,
-            |cell, id| passages.push((id, cell as u32)),
-            |meeting| found.push(meeting),
-        );
-        regions[0].fresh = fresh;
-        for &(id, cell) in passages.iter() {
-            let region = region_of(regions, cell);
-            regions[region].lists.insert(cell as usize, id);
-            let shelves = Shelves {
-                gas,
-                starts,
-                firsts,
-                fresh: Fresh::In(regions),
-            };
-            lookout.look(&shelves, &regions[region].lists, (id, cell), found);
-        }
-        follow_ups.extend(found.iter());
-        id
-    }
-
-    /// A ball goes on along another piece.
-    fn turn(&mut self, owner: u32, piece: Id, after: Trajectory) {
-        self.present[owner as usize] = piece;
-        self.changed.push(owner);
-        let ball = self.balls[owner as usize] as usize;
-        self.state.trajectories[ball] = after;
-        self.state.collisions[ball] += 1;
-    }
-
-    /// Ends a window: every ball's present piece becomes its flight.
+    /// Ends a window.
     fn close(&mut self) {
-        for owner in std::mem::take(&mut self.changed) {
-            self.flights[owner as usize] =
-                self.state.trajectories[self.balls[owner as usize] as usize];
-            self.present[owner as usize] = owner;
-        }
+        self.fastest = self.regions.iter().fold(self.fastest, |fastest, region| {
+            region.fastest().max(fastest)
+        });
         self.follow_ups.clear();
         self.meetings.clear();
         self.done = 0;
         self.window = None;
     }
+}
 
-    /// When a ball's last collision was, if it had one.
-    fn last_contact(&self, ball: u32) -> Option<Time> {
-        let ball = ball as usize;
-        (self.state.collisions[ball] > 0).then(|| self.state.trajectories[ball].begin)
-    }
+/// The lines of each region's flights.
+fn shares<'l>(
+    lines: &'l mut [Line],
+    regions: &[Region],
+) -> impl Iterator<Item = &'l mut [Line]> + use<'l> {
+    let lengths: Vec<usize> = regions.iter().map(|region| region.flights.len()).collect();
+    let mut rest = lines;
+    lengths.into_iter().map(move |length| {
+        rest.split_off_mut(..length)
+            .expect("regions share all lines")
+    })
+}
+
+fn outboxes(regions: &mut [Region]) -> Vec<Vec<region::Passage>> {
+    regions
+        .iter_mut()
+        .map(|region| std::mem::take(&mut region.outbox))
+        .collect()
 }
 
 /// Does the work for each share on a thread of its own, the first on this one.
@@ -549,10 +395,6 @@ fn side_by_side<T: Send>(mut shares: impl Iterator<Item = T>, work: impl Fn(T) +
     });
 }
 
-fn region_of(regions: &[Region], cell: u32) -> usize {
-    regions.partition_point(|region| region.lists.cells().end <= cell as usize)
-}
-
 impl Engine for Windowed {
     fn name(&self) -> &'static str {
         "windowed"
@@ -561,30 +403,23 @@ impl Engine for Windowed {
     fn advance(&mut self, until: Time, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck> {
         while self.state.now < until {
             let window = self.window.unwrap_or_else(|| self.open());
-            let mut limit = if until < window.end {
+            let limit = if until < window.end {
                 until
             } else {
                 window.end
             };
-            let mut full = false;
-            while let Some(meeting) = self.take_next(limit.relative_to(window.begin.epoch)) {
-                if meeting.other >= AT_WALL {
-                    self.hit_wall(meeting, window, report)?;
-                } else {
-                    self.meet(meeting, window, report)?;
-                }
-                // Long lists are slow to search: a new window begins here.
-                full = self.changed.len() > MOST_PER_WINDOW * self.balls.len();
-                if full {
-                    limit = self.state.now;
-                    break;
-                }
+            // Long lists are slow to search: when the window is full, a new one begins.
+            let full = self.commit_until(limit, window, report)?;
+            if !full {
+                self.state.now = limit;
             }
-            self.state.now = limit;
             self.counters.queue_length_max = self
                 .counters
                 .queue_length_max
                 .max(self.queue_length() as u64);
+            if full {
+                self.windows_since_sort = WINDOWS_PER_SORT;
+            }
             if full || limit == window.end {
                 self.close();
             }
@@ -600,9 +435,7 @@ impl Engine for Windowed {
         self.close();
         self.state.reverse();
         self.instants.clear();
-        for (flight, &ball) in self.flights.iter_mut().zip(&self.balls) {
-            *flight = self.state.trajectories[ball as usize];
-        }
+        self.sort();
     }
 
     fn counters(&self) -> Counters {

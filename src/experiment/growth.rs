@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::experiment::all_pairs;
 use crate::experiment::fit::{exponent, extent, median};
 use crate::experiment::gases::{lattice, seed_scene};
-use crate::experiment::page::{Options, Outputs, Page, Table, Value};
+use crate::experiment::page::{Options, Outputs, Page, Table};
 use crate::experiment::plot::{Axis, Line, Plot, Series};
 use crate::experiment::progress::Progress;
 use crate::experiment::trial::{EVENT, REVERSIBLE, Trial, WINDOWED, processor_seconds};
@@ -131,7 +131,7 @@ pub fn run(options: &Options) -> Result<u8> {
     let (edges, budget, sets): (&[usize], f64, u64) = if options.quick {
         (&[2, 4, 8, 12, 16, 25], 0.15, 3)
     } else {
-        (&[2, 3, 4, 6, 8, 12, 16, 20, 25, 46, 89], 1.5, 5)
+        (&[2, 3, 4, 6, 8, 12, 16, 20, 25, 46, 89], 1.0, 3)
     };
     let points = |number: usize| {
         let largest = METHODS[number].largest;
@@ -260,7 +260,7 @@ fn page(points: &[Point], options: &Options, stopped: bool) -> Page {
         tables: vec![times(points), exponents(points), beside_the_seed(points)],
         paragraphs: vec![
             "Time is processor time on one thread for 10 simulated seconds, median of the data sets. Accuracy is from the same \
-             runs. Exponents are fitted from 512 balls up."
+             runs."
                 .to_owned(),
         ],
         plots: vec![plot(points)],
@@ -318,41 +318,48 @@ fn times(points: &[Point]) -> Table {
     table
 }
 
-/// Balls and seconds of a method, from where exponents are fitted.
-fn fitted(points: &[Point], method: usize) -> Vec<(f64, f64)> {
-    points
+/// Exponent of a method between [`FIT_FROM`] and some number of balls, and the largest number there.
+fn fitted(points: &[Point], method: usize, most: u64) -> (Option<f64>, Option<u64>) {
+    let fitted = points
         .iter()
-        .filter(|point| point.method == method && point.balls >= FIT_FROM)
+        .filter(|point| point.method == method && (FIT_FROM..=most).contains(&point.balls));
+    let fitted: Vec<_> = fitted
         .map(|point| (point.balls as f64, point.seconds()))
-        .collect()
+        .collect();
+    (exponent(&fitted), fitted.last().map(|point| point.0 as u64))
 }
 
 fn exponents(points: &[Point]) -> Table {
-    let columns = ["engine", "exponent", "up to balls"];
-    let mut table = Table::new(
-        "exponents",
-        "Run time grows as balls to the power of",
-        &columns,
-    );
+    let seed_largest = SEED[2].0;
+    let columns = ["engine", "exponent to 15625 balls", "exponent", "to balls"];
+    let title = "Run time from 512 balls up grows as their number to the power of";
+    let mut table = Table::new("exponents", title, &columns);
     for (number, method) in METHODS.iter().enumerate() {
-        let fitted = fitted(points, number);
-        let largest = fitted.last().map(|point| point.0 as u64);
-        table.push([method.name.into(), exponent(&fitted).into(), largest.into()]);
+        let (all, largest) = fitted(points, number, u64::MAX);
+        let (as_far_as_seed, _) = fitted(points, number, seed_largest);
+        table.push([
+            method.name.into(),
+            as_far_as_seed.into(),
+            all.into(),
+            largest.into(),
+        ]);
     }
-    let seed = |seconds: fn(&(u64, f64, f64)) -> f64| {
-        exponent(&SEED.map(|point| (point.0 as f64, seconds(&point))))
-    };
-    let largest = Value::Count(SEED[2].0);
-    table.push([
-        "seed, event".into(),
-        seed(|point| point.1).into(),
-        largest.clone(),
-    ]);
-    table.push([
-        "seed, step, dt = 1/60".into(),
-        seed(|point| point.2).into(),
-        largest,
-    ]);
+    for (name, seconds) in [
+        ("seed, event", SEED.map(|point| point.1)),
+        ("seed, step, dt = 1/60", SEED.map(|point| point.2)),
+    ] {
+        let points: Vec<_> = SEED
+            .iter()
+            .zip(seconds)
+            .map(|(point, seconds)| (point.0 as f64, seconds))
+            .collect();
+        table.push([
+            name.into(),
+            exponent(&points).into(),
+            None::<f64>.into(),
+            seed_largest.into(),
+        ]);
+    }
     table
 }
 

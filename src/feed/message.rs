@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::Command;
-use crate::snapshot::{HistoryPoint, Sample, SceneCard, Snapshot, Speeds};
+use crate::snapshot::{History, Observed, Sample, SceneCard, Snapshot, Speeds, Stretch};
 
 /// Number of the messages' layout: both sides must have the same.
 ///
@@ -65,7 +65,8 @@ pub struct Frame {
     small: Snapshot,
     scene: Part<Arc<SceneCard>>,
     speeds: Part<Option<Arc<Speeds>>>,
-    history: Part<Arc<Vec<HistoryPoint>>>,
+    history: Grown,
+    observables: Part<Arc<Vec<Observed>>>,
     sample: Part<Option<Arc<Sample>>>,
 }
 
@@ -95,6 +96,38 @@ impl<T: Clone + Default> Part<T> {
     }
 }
 
+/// A history that only grows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+enum Grown {
+    /// By these stretches.
+    By(Vec<Stretch>),
+    /// By more than is known one by one: all of it.
+    Whole(Arc<History>),
+}
+
+impl Grown {
+    fn between(before: Option<&Snapshot>, now: &Snapshot) -> Self {
+        let new = before.and_then(|before| now.history.since(before.history.pushed()));
+        new.map_or_else(|| Self::Whole(Arc::clone(&now.history)), Self::By)
+    }
+
+    fn after(self, before: Option<&Snapshot>) -> Arc<History> {
+        match self {
+            Self::Whole(history) => history,
+            Self::By(stretches) => {
+                let mut history = before.map(|it| Arc::clone(&it.history)).unwrap_or_default();
+                if !stretches.is_empty() {
+                    let grown = Arc::make_mut(&mut history);
+                    for stretch in stretches {
+                        grown.push(stretch);
+                    }
+                }
+                history
+            }
+        }
+    }
+}
+
 impl Frame {
     /// What of `now` a receiver of `before` does not have.
     pub fn between(before: Option<&Snapshot>, now: &Snapshot) -> Self {
@@ -117,7 +150,12 @@ impl Frame {
             speeds: Part::between(before.map(|it| &it.speeds), &now.speeds, |part| {
                 part.as_ref().map(Arc::as_ptr)
             }),
-            history: Part::between(before.map(|it| &it.history), &now.history, Arc::as_ptr),
+            history: Grown::between(before, now),
+            observables: Part::between(
+                before.map(|it| &it.observables),
+                &now.observables,
+                Arc::as_ptr,
+            ),
             sample,
         }
     }
@@ -135,7 +173,8 @@ impl Frame {
         Snapshot {
             scene: self.scene.after(before.map(|it| &it.scene)),
             speeds: self.speeds.after(before.map(|it| &it.speeds)),
-            history: self.history.after(before.map(|it| &it.history)),
+            history: self.history.after(before),
+            observables: self.observables.after(before.map(|it| &it.observables)),
             sample,
             ..self.small
         }
@@ -237,19 +276,23 @@ mod tests {
             maxwell: vec![2.5; 1000],
             ks: 0.1,
             ks_critical: 0.2,
+            ..Speeds::default()
         }));
         let (there, size) = sent(None, &first);
         assert_eq!(there, first);
         assert!(size > 20_000);
         // What arrives is what the sender believes it to be, also over several frames.
+        let mut history = History::clone(&first.history);
+        history.push(Stretch::new(0.0, 1.0, 0.5));
         let mut next = Snapshot {
+            history: Arc::new(history),
             sequence: 1,
             sample: Some(sample(2.0)),
             ..first.clone()
         };
         let (there, size) = sent(Some(&first), &next);
         assert_eq!(there, next);
-        assert!(size < 500, "{size}");
+        assert!(size < 600, "{size}");
         next.sample = None;
         next.speeds = None;
         assert_eq!(sent(Some(&first), &next).0, next);

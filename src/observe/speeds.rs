@@ -8,6 +8,12 @@ pub const BIN_COUNT: usize = 96;
 /// Bins per thermal velocity component `sqrt(k T / m)`: the histogram reaches six of them.
 const BINS_PER_DEVIATION: f64 = 16.0;
 
+/// Bins of a component's histogram, from -4 to 4 thermal deviations; the outermost also hold everything beyond.
+pub const COMPONENT_BINS: usize = 64;
+
+/// Bins of a component per thermal deviation: half as many as of the speed.
+const COMPONENT_BINS_PER_DEVIATION: f64 = 8.0;
+
 /// Steps per bin at which the cumulative distributions are compared.
 const STEPS_PER_BIN: usize = 16;
 
@@ -28,6 +34,12 @@ pub struct Speeds {
     pub ks_critical: f64,
     /// Mean speed.
     pub mean: f64,
+    /// Balls per bin of each velocity component.
+    pub components: [Vec<u64>; 3],
+    /// Balls per bin that the normal distribution expects of each.
+    pub normal: Vec<f64>,
+    /// Kolmogorov-Smirnov distance of each from it, at the bin edges.
+    pub component_ks: [f64; 3],
 }
 
 impl Speeds {
@@ -47,8 +59,12 @@ impl Speeds {
         let mut steps = vec![0_u64; BIN_COUNT * STEPS_PER_BIN];
         let last = steps.len() - 1;
         let mut sum = 0.0;
+        let mut components = [const { [0_u64; COMPONENT_BINS] }; 3];
+        let per_bin = COMPONENT_BINS_PER_DEVIATION / deviation;
+        let middle = COMPONENT_BINS as f64 / 2.0;
         for ball in 0..count {
-            let speed = state.trajectories[ball].velocity.length();
+            let velocity = state.trajectories[ball].velocity;
+            let speed = velocity.length();
             let share = if state.bodies.uniform().is_some() {
                 1.0
             } else {
@@ -56,6 +72,10 @@ impl Speeds {
             };
             sum += speed;
             steps[((speed * share * per_step) as usize).min(last)] += 1;
+            for (bins, component) in components.iter_mut().zip(velocity.to_array()) {
+                let place = middle + component * share * per_bin;
+                bins[(place.max(0.0) as usize).min(COMPONENT_BINS - 1)] += 1;
+            }
         }
         let cumulative = |step: usize| {
             maxwell_cumulative(step as f64 / (BINS_PER_DEVIATION * STEPS_PER_BIN as f64))
@@ -84,7 +104,33 @@ impl Speeds {
             ks,
             ks_critical: 1.949 / (count as f64).sqrt(),
             mean: sum / count as f64,
+            component_ks: components.map(|bins| ks_from_normal(&bins, count as f64)),
+            components: components.map(Vec::from),
+            normal: (0..COMPONENT_BINS)
+                .map(|bin| count as f64 * (below_edge(bin + 1) - below_edge(bin)))
+                .collect(),
         })
+    }
+}
+
+/// Largest distance of the cumulative distribution of a component from the normal one, at the bin edges.
+fn ks_from_normal(bins: &[u64; COMPONENT_BINS], count: f64) -> f64 {
+    let mut below = 0;
+    let mut ks = 0.0_f64;
+    for (bin, balls) in bins.iter().enumerate() {
+        below += balls;
+        ks = ks.max((below as f64 / count - below_edge(bin + 1)).abs());
+    }
+    ks
+}
+
+/// Share of the normal distribution below the lower edge of a bin; the outermost bins reach to infinity.
+fn below_edge(edge: usize) -> f64 {
+    let deviations = (edge as f64 - COMPONENT_BINS as f64 / 2.0) / COMPONENT_BINS_PER_DEVIATION;
+    match edge {
+        0 => 0.0,
+        COMPONENT_BINS => 1.0,
+        _ => 0.5 * (1.0 + libm::erf(deviations / std::f64::consts::SQRT_2)),
     }
 }
 
@@ -97,6 +143,16 @@ fn maxwell_cumulative(speed: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_bins_of_a_component_are_normal_in_sum_and_in_the_middle() {
+        assert_eq!(below_edge(COMPONENT_BINS / 2), 0.5);
+        let one = below_edge(COMPONENT_BINS / 2 + 8) - below_edge(COMPONENT_BINS / 2 - 8);
+        assert!((one - 0.682_689_492_137_086).abs() < 1e-12);
+        let mut even = [0; COMPONENT_BINS];
+        even[0] = 7;
+        assert!((ks_from_normal(&even, 7.0) - (1.0 - below_edge(1))).abs() < 1e-12);
+    }
 
     #[test]
     fn maxwells_median_and_mean_lie_where_the_textbook_has_them() {

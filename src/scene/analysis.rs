@@ -8,6 +8,7 @@ mod brownian;
 mod bulk;
 mod choices;
 mod container;
+mod enskog;
 mod kinds;
 
 use std::f64::consts::PI;
@@ -20,6 +21,7 @@ use crate::state::{Body, Placement};
 
 pub use brownian::Brownian;
 pub use choices::choices;
+pub use enskog::{Enskog, free_flights};
 
 /// Fewer balls than this have no averages that theory could know.
 pub const FEWEST: usize = 10;

@@ -9,7 +9,7 @@ use toml::de::DeTable;
 
 use super::reader::{At, Faults, Table, number};
 use super::region::{Region, read_domain, read_plane};
-use super::{Ball, Cell, Scene, Sites, Species, Velocities, memory, table};
+use super::{Ball, Cell, Scene, Sites, Species, Velocities, memory, observe, table};
 use crate::snapshot::Units;
 use crate::worker::engines::EngineName;
 
@@ -81,6 +81,13 @@ fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) ->
         Some(table) => read_run(table, units, faults),
         None => (EngineName::Auto, None, default_sample(None, units)),
     };
+    let (observe, observe_at) = match table.table("observe", "[observe]", faults) {
+        Some(table) => {
+            let at = table.span.start;
+            (observe::read(table, faults), at)
+        }
+        None => (observe::Observe::default(), 0),
+    };
     table.finish(faults);
     let Region {
         mut domain, span, ..
@@ -97,6 +104,7 @@ fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) ->
         planes: texts,
         until,
         sample,
+        observe,
         species,
         balls,
         path: path.to_owned(),
@@ -104,6 +112,9 @@ fn read_scene(mut table: Table, path: &Path, text: &str, faults: &mut Faults) ->
     };
     check_precision(&scene, span.start, faults);
     check_memory(&scene, faults);
+    if let Some(why) = observe::refusal(&scene) {
+        faults.add(observe_at, &why);
+    }
     Some(scene)
 }
 

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::observe::Observe;
 use super::reader::Faults;
 use super::region::{Region, plane};
 use super::table::{FINITE, Limit, MASS, RADIUS};
@@ -340,6 +341,7 @@ impl Contents {
             planes,
             until: None,
             sample: format::default_sample(None, Some(units)),
+            observe: Observe::default(),
             species: Vec::new(),
             balls: self.balls,
             path: path.to_owned(),

@@ -85,6 +85,7 @@ impl Scene {
             put(&mut text, format_args!("until = {until:?}\n"));
         }
         put(&mut text, format_args!("sample = {:?}\n", self.sample));
+        self.observe.put(&mut text);
         for plane in &self.planes {
             let (point, normal) = (vector(plane.point), vector(plane.normal));
             put(

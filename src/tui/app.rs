@@ -4,26 +4,101 @@
 
 use std::sync::Arc;
 
-use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use ratatui::crossterm::event::{
+    KeyCode, KeyEvent, KeyEventKind, KeyModifiers, MouseEvent, MouseEventKind,
+};
 
 use crate::feed::{Access, Command};
 use crate::snapshot::{Phase, Snapshot};
 use crate::tui::Leave;
 use crate::tui::camera::Camera;
-use crate::tui::keys::{self, Action};
+use crate::tui::format::quantity;
+use crate::tui::keys::{Action, Keymap};
 use crate::tui::link::Link;
 use crate::tui::picture::Mode;
+use crate::tui::span::Span;
 use crate::tui::trails::Trails;
 
 /// A panel over the dashboard.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Overlay {
     /// The keys and what the marks mean.
-    Help,
+    Help(Help),
     /// Stop the run and leave?
     QuitQuestion,
     /// Why the run failed.
     Failure,
+}
+
+/// The state of the help.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Help {
+    /// Shown are lines that contain this.
+    pub search: String,
+    /// Whether letters go to the search.
+    pub typing: bool,
+    /// Lines above the first one that is shown.
+    pub scroll: u16,
+}
+
+/// A panel of the dashboard, by its number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Panel {
+    /// The picture.
+    Gas = 1,
+    /// The state of the gas.
+    Now,
+    /// Speeds and their components.
+    Speeds,
+    /// How the run fares.
+    Run,
+    /// Charts of every observable.
+    History,
+    /// What happens how often.
+    Events,
+    /// The accuracy card.
+    Trust,
+    /// What watching costs.
+    Link,
+}
+
+impl Panel {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [Self; 8] = [
+        Self::Gas,
+        Self::Now,
+        Self::Speeds,
+        Self::Run,
+        Self::History,
+        Self::Events,
+        Self::Trust,
+        Self::Link,
+    ];
+
+    /// How many stand side by side in a large enough window.
+    pub const OVERVIEW: usize = 4;
+}
+
+/// A moment that the user marked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moment {
+    /// Simulated time.
+    pub time: f64,
+}
+
+/// Most marks that are kept.
+const MOST_MARKS: usize = 99;
+
+/// Degrees that a picture turns by itself.
+const TURN: i32 = 5;
+
+/// What only the terminal's holder can do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// Write the screen to files.
+    Copy,
+    /// Draw the whole screen again.
+    Redraw,
 }
 
 /// A wish handed to the run that its snapshots may not show yet.
@@ -37,6 +112,10 @@ struct Wish<T> {
 const PATIENCE: u64 = 3;
 
 /// The dashboard's state.
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "each is a switch of the user's, and any may be on with any other"
+)]
 pub struct App {
     /// The newest snapshot: what the run's state is known from.
     pub latest: Arc<Snapshot>,
@@ -62,11 +141,29 @@ pub struct App {
     newest_trails: Trails,
     /// Whether the screen may use 7-bit characters only.
     pub ascii: bool,
+    /// Whether the picture turns by itself.
+    pub turning: bool,
+    /// The panel that fills the window.
+    pub enlarged: Option<Panel>,
+    /// The panel that the tabulator key chose.
+    pub chosen: Option<Panel>,
+    /// Which part of the history the charts show.
+    pub span: Span,
+    /// Moments that the user marked, oldest first.
+    pub marks: Vec<Moment>,
+    /// Which key does what.
+    pub keymap: Keymap,
+    /// Words at the foot until the next key.
+    pub message: Option<String>,
+    /// What the user asked for and only the terminal's holder can do.
+    pub request: Option<Request>,
     failure_shown: bool,
     /// Time rate while no ceiling held the run back.
     free_rate: Option<f64>,
     pause_wish: Option<Wish<bool>>,
     limit_wish: Option<Wish<Option<f64>>>,
+    /// Where the pointer was when it last dragged the picture.
+    dragged: Option<(u16, u16)>,
 }
 
 impl App {
@@ -85,10 +182,19 @@ impl App {
             access: Access::default(),
             newest_trails: Trails::default(),
             ascii,
+            turning: false,
+            enlarged: None,
+            chosen: None,
+            span: Span::default(),
+            marks: Vec::new(),
+            keymap: Keymap::default(),
+            message: None,
+            request: None,
             failure_shown: false,
             free_rate: None,
             pause_wish: None,
             limit_wish: None,
+            dragged: None,
         };
         app.observe(first);
         app.refresh(true);
@@ -143,6 +249,7 @@ impl App {
         if key.kind == KeyEventKind::Release {
             return None;
         }
+        self.message = None;
         let control = key.modifiers.contains(KeyModifiers::CONTROL);
         if control && matches!(key.code, KeyCode::Char('c' | 'C')) {
             return Some(match self.access {
@@ -150,22 +257,22 @@ impl App {
                 Access::Watcher | Access::ReadOnly => Leave::Detach,
             });
         }
-        if control || key.modifiers.contains(KeyModifiers::ALT) {
-            return None;
-        }
-        match self.overlay {
+        let action = self.keymap.action(&key);
+        match &mut self.overlay {
             Some(Overlay::QuitQuestion) => return self.answer(key.code),
-            Some(Overlay::Help) => {
-                self.overlay = None;
+            Some(Overlay::Help(help)) => {
+                if !help.press(key.code, action) {
+                    self.overlay = None;
+                }
                 return None;
             }
-            Some(Overlay::Failure) if keys::action(key.code) != Some(Action::Quit) => {
+            Some(Overlay::Failure) if action != Some(Action::Quit) => {
                 self.overlay = None;
                 return None;
             }
             Some(Overlay::Failure) | None => {}
         }
-        self.act(keys::action(key.code)?, send)
+        self.act(action?, send)
     }
 
     fn answer(&mut self, code: KeyCode) -> Option<Leave> {
@@ -193,9 +300,27 @@ impl App {
             Action::TurnDown => self.camera.turn(0, -10),
             Action::ZoomIn => self.camera.zoom_by(1),
             Action::ZoomOut => self.camera.zoom_by(-1),
+            Action::Rotate => self.turning = !self.turning,
             Action::Thinner => self.camera.thicken(-1),
             Action::Thicker => self.camera.thicken(1),
+            Action::Nearer => self.camera.move_slab(-1),
+            Action::Farther => self.camera.move_slab(1),
             Action::ResetCamera => self.camera = Camera::default(),
+            Action::Panel(number) => {
+                self.enlarge(Panel::ALL.get(usize::from(number.max(1) - 1)).copied())
+            }
+            Action::NextPanel => self.choose(1),
+            Action::PreviousPanel => self.choose(-1),
+            Action::Enlarge => self.enlarge(self.chosen.or(self.enlarged)),
+            Action::Back => (self.enlarged, self.chosen) = (None, None),
+            Action::HistoryLonger => self.span.halve(false),
+            Action::HistoryShorter => self.span.halve(true),
+            Action::Earlier => self.travel(true),
+            Action::Later => self.travel(false),
+            Action::Live => self.span.end = None,
+            Action::Mark => self.mark(),
+            Action::Copy => self.request = Some(Request::Copy),
+            Action::Redraw => self.request = Some(Request::Redraw),
             Action::SwitchView => {
                 self.mode = match self.mode {
                     Mode::Slab => Mode::Depth,
@@ -203,11 +328,92 @@ impl App {
                 }
             }
             Action::Freeze => self.freeze(),
-            Action::Help => self.overlay = Some(Overlay::Help),
+            Action::Help => self.overlay = Some(Overlay::Help(Help::default())),
             Action::Quit | Action::Detach if !self.going_on() => return Some(Leave::Quit),
             Action::Quit | Action::Detach => return self.leave(action),
         }
         None
+    }
+
+    /// Fills the window with a panel, or goes back if it does already.
+    fn enlarge(&mut self, panel: Option<Panel>) {
+        self.enlarged = panel.filter(|panel| self.enlarged != Some(*panel));
+    }
+
+    /// Goes to the next panel: of those side by side the next is chosen, an enlarged one gives way to the next.
+    fn choose(&mut self, step: isize) {
+        let (place, count) = match (self.enlarged, self.chosen) {
+            (Some(panel), _) => (Some(panel), Panel::ALL.len()),
+            (None, chosen) => (chosen, Panel::OVERVIEW),
+        };
+        let place = place.and_then(|panel| Panel::ALL.iter().position(|other| *other == panel));
+        let next = match place {
+            Some(place) => place.saturating_add_signed(step + count.cast_signed()) % count,
+            None if step > 0 => 0,
+            None => count - 1,
+        };
+        if self.enlarged.is_some() {
+            self.enlarged = Some(Panel::ALL[next]);
+        } else {
+            self.chosen = Some(Panel::ALL[next]);
+        }
+    }
+
+    fn travel(&mut self, earlier: bool) {
+        if let Some(bounds) = self.numbers.history.bounds() {
+            self.span.go(earlier, bounds);
+        }
+    }
+
+    fn mark(&mut self) {
+        if self.marks.len() < MOST_MARKS {
+            let time = self.latest.time;
+            self.marks.push(Moment { time });
+            let shown = quantity(Some(time), "s", self.latest.scene.units, 4);
+            self.message = Some(format!("mark {} at {shown}", self.marks.len()));
+        }
+    }
+
+    /// Turns the picture a little if it turns by itself.
+    pub fn turn_by_itself(&mut self) {
+        if self.turning && !self.frozen {
+            self.camera.turn(TURN, 0);
+        }
+    }
+
+    /// Obeys the mouse: `panel` is what lies under the pointer, `on_title` whether that is its title.
+    pub fn point(&mut self, mouse: &MouseEvent, panel: Option<Panel>, on_title: bool) {
+        if let Some(Overlay::Help(help)) = &mut self.overlay {
+            match mouse.kind {
+                MouseEventKind::ScrollUp => help.scroll = help.scroll.saturating_sub(1),
+                MouseEventKind::ScrollDown => help.scroll = help.scroll.saturating_add(1),
+                _ => {}
+            }
+            return;
+        }
+        if self.overlay.is_some() {
+            return;
+        }
+        match (mouse.kind, panel) {
+            (MouseEventKind::Down(_), Some(panel)) if on_title || panel != Panel::Gas => {
+                self.enlarge(Some(panel));
+            }
+            (MouseEventKind::Down(_), _) => self.dragged = Some((mouse.column, mouse.row)),
+            (MouseEventKind::Drag(_), _) => {
+                if let Some((column, row)) = self.dragged.replace((mouse.column, mouse.row)) {
+                    let (across, down) = (
+                        i32::from(mouse.column) - i32::from(column),
+                        i32::from(mouse.row) - i32::from(row),
+                    );
+                    self.camera.turn(-3 * across, 6 * down);
+                }
+            }
+            (MouseEventKind::ScrollUp, Some(Panel::Gas)) => self.camera.zoom_by(1),
+            (MouseEventKind::ScrollDown, Some(Panel::Gas)) => self.camera.zoom_by(-1),
+            (MouseEventKind::ScrollUp, _) => self.span.halve(true),
+            (MouseEventKind::ScrollDown, _) => self.span.halve(false),
+            _ => {}
+        }
     }
 
     /// Leaves a run that goes on, or asks before.
@@ -280,6 +486,25 @@ impl App {
             value: limit,
             sequence: self.latest.sequence,
         });
+    }
+}
+
+impl Help {
+    /// Obeys a key; says whether the help stays.
+    fn press(&mut self, code: KeyCode, action: Option<Action>) -> bool {
+        match code {
+            KeyCode::Char(letter) if self.typing => self.search.push(letter),
+            KeyCode::Backspace if self.typing => drop(self.search.pop()),
+            KeyCode::Enter if self.typing => self.typing = false,
+            KeyCode::Esc if self.typing => *self = Self::default(),
+            KeyCode::Char('/') => (self.typing, self.scroll) = (true, 0),
+            KeyCode::Down => self.scroll = self.scroll.saturating_add(1),
+            KeyCode::Up => self.scroll = self.scroll.saturating_sub(1),
+            KeyCode::PageDown => self.scroll = self.scroll.saturating_add(10),
+            KeyCode::PageUp => self.scroll = self.scroll.saturating_sub(10),
+            _ => return self.typing && action.is_none(),
+        }
+        true
     }
 }
 

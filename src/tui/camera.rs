@@ -14,6 +14,8 @@ pub struct Camera {
     pub zoom_steps: i32,
     /// Steps of slab thickness from the default; two steps are a factor of 2.
     pub slab_steps: i32,
+    /// Slabs between the middle and the one that is shown; positive is farther from the eye.
+    pub slice: i32,
 }
 
 impl Default for Camera {
@@ -23,6 +25,7 @@ impl Default for Camera {
             elevation: 20,
             zoom_steps: 0,
             slab_steps: 0,
+            slice: 0,
         }
     }
 }
@@ -42,6 +45,11 @@ impl Camera {
     /// Makes the slab thicker by steps.
     pub fn thicken(&mut self, steps: i32) {
         self.slab_steps = (self.slab_steps + steps).clamp(-12, 12);
+    }
+
+    /// Moves the slab along the line of sight.
+    pub fn move_slab(&mut self, slabs: i32) {
+        self.slice = (self.slice + slabs).clamp(-50, 50);
     }
 
     /// Magnification over the fit.

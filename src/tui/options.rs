@@ -1,8 +1,12 @@
 //! How the dashboard is to look and how much it may send: options of the watcher, not of the run.
 
+use std::time::Duration;
+
 use clap::Args;
 use clap::builder::FalseyValueParser;
 
+use crate::error::Result;
+use crate::tui::config::{self, Config};
 use crate::tui::pace;
 use crate::tui::theme::{Colors, Palette, Theme, locale_is_utf8};
 
@@ -30,36 +34,81 @@ pub struct Options {
     /// Pictures of the gas per second at the most [default: 1]
     #[arg(long, value_name = "N", env = "MOLTOP_PICTURES_PER_S", value_parser = pictures)]
     pub pictures_per_s: Option<f64>,
+    /// Plain lines instead of a dashboard; the default where there is no terminal, or a dumb one
+    #[arg(long, env = "MOLTOP_PLAIN", value_parser = FalseyValueParser::new())]
+    pub plain: bool,
+    /// Seconds between two plain lines [default: 10]
+    #[arg(long, value_name = "S", env = "MOLTOP_PLAIN_EVERY", value_parser = seconds)]
+    pub plain_every: Option<f64>,
+    /// Leave the mouse to the terminal
+    #[arg(long, env = "MOLTOP_NO_MOUSE", value_parser = FalseyValueParser::new())]
+    pub no_mouse: bool,
+    /// What the user's settings say where the command line is silent.
+    #[arg(skip)]
+    pub config: Config,
 }
 
-fn pictures(text: &str) -> Result<f64, String> {
+fn pictures(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(rate) if (0.01..=30.0).contains(&rate) => Ok(rate),
         _ => Err("must be a number from 0.01 to 30".to_owned()),
     }
 }
 
+fn seconds(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.05..=86_400.0).contains(&seconds) => Ok(seconds),
+        _ => Err("must be a number of seconds from 0.05 to 86400".to_owned()),
+    }
+}
+
 impl Options {
+    /// Time between two plain lines.
+    pub fn line_every(&self) -> Duration {
+        Duration::from_secs_f64(self.plain_every.unwrap_or(10.0))
+    }
+
+    /// Takes in the user's settings.
+    ///
+    /// # Errors
+    /// [`Error::Usage`](crate::error::Error::Usage) when these have a fault.
+    pub fn with_settings(mut self) -> Result<Self> {
+        self.config = config::load()?;
+        Ok(self)
+    }
+
     /// Whether the screen keeps to 7-bit characters.
     pub fn is_ascii(&self) -> bool {
-        self.ascii || !locale_is_utf8(|name| std::env::var(name).ok())
+        let wanted = self.ascii || self.config.ascii == Some(true);
+        wanted || !locale_is_utf8(|name| std::env::var(name).ok())
+    }
+
+    /// The theme.
+    pub fn theme(&self) -> Theme {
+        self.theme.or(self.config.theme).unwrap_or_default()
     }
 
     /// The colours that are sent.
     pub fn palette(&self) -> Palette {
-        let colors = self.colors.unwrap_or_default();
+        let colors = self.colors.or(self.config.colors).unwrap_or_default();
         let resolved = colors.resolved(|name| std::env::var(name).ok());
-        Palette::new(self.theme.unwrap_or_default(), resolved)
+        Palette::new(self.theme(), resolved)
     }
 
     /// Pictures per second at the most.
     pub fn picture_rate(&self) -> f64 {
-        self.pictures_per_s.unwrap_or(1.0)
+        let wanted = self.pictures_per_s.or(self.config.pictures_per_s);
+        wanted.unwrap_or(1.0)
     }
 
     /// Bytes per second at the most; who wishes for more pictures gets more bytes unless these are named.
     pub fn budget(&self) -> f64 {
-        self.max_bytes_per_s
-            .map_or(pace::BUDGET * self.picture_rate().max(1.0), f64::from)
+        let wanted = self.max_bytes_per_s.or(self.config.max_bytes_per_s);
+        wanted.map_or(pace::BUDGET * self.picture_rate().max(1.0), f64::from)
+    }
+
+    /// Whether the mouse is listened to.
+    pub fn mouse(&self) -> bool {
+        !self.no_mouse && self.config.mouse != Some(false)
     }
 }

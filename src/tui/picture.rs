@@ -61,6 +61,8 @@ pub struct Picture {
 pub struct Portion {
     /// Thickness of the slab \[length\]; `None` is the whole depth.
     pub slab: Option<f64>,
+    /// Distance of the slab's middle behind the middle of the box \[length\].
+    pub depth: f64,
     /// How many balls of the sample, from its head, take part.
     pub prefix: usize,
     /// Molecules of the gas for each one that takes part.
@@ -129,6 +131,7 @@ fn portion(
     let one_in = |prefix: usize| scene.ball_count as f64 / prefix.max(1) as f64;
     let whole = Portion {
         slab: None,
+        depth: 0.0,
         prefix: length,
         one_in: one_in(length),
     };
@@ -162,8 +165,12 @@ fn portion(
         .map(|edge| edge * edge)
         .sum::<f64>()
         .sqrt();
+    let in_slab = thickness < diagonal;
+    let most = (diagonal - thickness) / 2.0;
+    let depth = (f64::from(camera.slice) * thickness).clamp(-most, most);
     Portion {
-        slab: (thickness < diagonal).then_some(thickness),
+        slab: in_slab.then_some(thickness),
+        depth: if in_slab { depth } else { 0.0 },
         prefix,
         one_in: one_in(prefix),
     }

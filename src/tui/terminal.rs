@@ -33,6 +33,9 @@ static HOLDER: Mutex<Option<ThreadId>> = Mutex::new(None);
 static OVERHEARD: Mutex<Vec<String>> = Mutex::new(Vec::new());
 /// Whether our panic hook is in place.
 static HOOKED: AtomicBool = AtomicBool::new(false);
+/// Buttons and drags, but not every move, which would flood a slow line; in the form without limits. Source: xterm's ctlseqs.
+const MOUSE_ON: &[u8] = b"\x1b[?1002h\x1b[?1006h";
+const MOUSE_OFF: &[u8] = b"\x1b[?1002l\x1b[?1006l";
 /// Longest wait for a stalled terminal to take the last bytes.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
@@ -45,6 +48,7 @@ pub struct Screen {
     alive: bool,
     palette: Palette,
     receipts: Receipts,
+    mouse: bool,
     suspension: Suspension,
 }
 
@@ -53,7 +57,7 @@ impl Screen {
     ///
     /// # Errors
     /// When standard output is no terminal or refuses.
-    pub fn take(palette: Palette) -> Result<Self> {
+    pub fn take(palette: Palette, mouse: bool) -> Result<Self> {
         hook_panics();
         let output = own_description(rustix::stdio::stdout()).map_err(Error::Terminal)?;
         // Where standard input is no terminal, keys come from the one that is drawn on.
@@ -69,6 +73,7 @@ impl Screen {
             alive: true,
             palette,
             receipts: Receipts::default(),
+            mouse,
             suspension: Suspension::listen().map_err(Error::Terminal)?,
         };
         screen.enter()?;
@@ -77,11 +82,19 @@ impl Screen {
 
     fn enter(&mut self) -> Result<()> {
         terminal::enable_raw_mode().map_err(Error::Terminal)?;
-        queue!(self.pending, terminal::EnterAlternateScreen, cursor::Hide).map_err(Error::Terminal)
+        queue!(self.pending, terminal::EnterAlternateScreen, cursor::Hide)
+            .map_err(Error::Terminal)?;
+        if self.mouse {
+            self.pending.extend_from_slice(MOUSE_ON);
+        }
+        Ok(())
     }
 
     /// Gives the terminal back.
     fn leave(&mut self) {
+        if self.mouse {
+            self.pending.extend_from_slice(MOUSE_OFF);
+        }
         // Writing to a Vec does not fail.
         let _ = queue!(
             self.pending,
@@ -181,6 +194,11 @@ impl Screen {
         self.receipts.round_trip
     }
 
+    /// The frame that the terminal shows, or will when it has taken what is under way.
+    pub fn shown(&self) -> &Buffer {
+        &self.delivered
+    }
+
     /// Makes the next frame a full one.
     pub fn forget(&mut self) {
         self.delivered = Buffer::empty(Rect::ZERO);
@@ -268,6 +286,7 @@ fn hook_panics() {
         match holder {
             Some(thread) if thread == thread::current().id() => {
                 *locked(&HOLDER) = None;
+                let _ = io::stdout().write_all(MOUSE_OFF);
                 let restored = execute!(
                     io::stdout(),
                     terminal::EndSynchronizedUpdate,

@@ -5,7 +5,7 @@
 
 mod palette;
 
-pub use palette::{Colors, Palette, Theme};
+pub use palette::{Colors, Palette, Theme, color, paper_and_ink};
 
 use ratatui::buffer::Buffer;
 use ratatui::style::{Color, Modifier, Style};
@@ -20,6 +20,8 @@ pub const QUIET: Style = Style::new().fg(Color::Gray);
 pub const VALUE: Style = Style::new();
 /// Titles and what must be seen first.
 pub const STRONG: Style = Style::new().add_modifier(Modifier::BOLD);
+/// The chosen panel, the running search.
+pub const CHOSEN: Style = Style::new().add_modifier(Modifier::REVERSED);
 /// Histories and bars.
 pub const BAR: Style = Style::new().fg(Color::Cyan);
 /// What theory expects.
@@ -157,6 +159,31 @@ pub fn to_ascii(buffer: &mut Buffer) {
     }
 }
 
+/// The same for a line of text.
+pub fn text_in_ascii(text: &str) -> String {
+    let stand_in = |letter: char| {
+        if letter == '±' {
+            return "+-".to_owned();
+        }
+        let known = STAND_INS
+            .iter()
+            .find(|(letters, _)| letters.contains(letter));
+        known.map_or_else(
+            || braille_stand_in(letter.encode_utf8(&mut [0; 4])).to_owned(),
+            |(_, stand_in)| (*stand_in).to_owned(),
+        )
+    };
+    text.chars()
+        .map(|letter| {
+            if letter.is_ascii() {
+                letter.to_string()
+            } else {
+                stand_in(letter)
+            }
+        })
+        .collect()
+}
+
 fn braille_stand_in(symbol: &str) -> &'static str {
     match symbol.chars().next() {
         Some('\u{2800}') => " ",
@@ -200,5 +227,6 @@ mod tests {
             .map(ratatui::buffer::Cell::symbol)
             .collect();
         assert_eq!(text, "1+-2 us ? ?-");
+        assert_eq!(text_in_ascii("1 ±2 µs 水é–"), "1 +-2 us ??-");
     }
 }

@@ -24,7 +24,7 @@ pub enum EngineName {
     Auto,
     /// From collision to collision, exact; any scene
     Event,
-    /// The same collisions as event, many times faster for a dilute gas in a container
+    /// The same collisions as event, many times faster for a dilute gas; all balls can move, in a container or periodic box
     Windowed,
     /// Exact under time reversal, on integers: a reversed run comes back to the last bit
     Reversible,
@@ -123,7 +123,7 @@ impl Choice {
             }
             (EngineName::Windowed, _) if Windowed::supports(placement) => Self::Windowed(threads()),
             (EngineName::Windowed, _) => {
-                let words = "engine windowed runs balls that all can move, in a container without planes: give --engine event";
+                let words = "engine windowed runs balls that all can move, in a container or a periodic box that is wider than they are: give --engine event";
                 return Err(words.to_owned());
             }
             (EngineName::Reversible, _) => {

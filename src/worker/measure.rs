@@ -57,6 +57,10 @@ impl Survey {
                     maxwell: speeds.maxwell,
                     ks: speeds.ks,
                     ks_critical: speeds.ks_critical,
+                    component_bin_width: 2.0 * speeds.bin_width * velocity,
+                    components: speeds.components,
+                    normal: speeds.normal,
+                    component_ks: speeds.component_ks,
                 })
             }),
         }
@@ -250,10 +254,17 @@ pub fn sample(state: &State, balls: &[u32], names: &[String]) -> Sample {
 
 /// Largest resident memory of this process so far, where the system tells.
 pub fn peak_memory() -> Option<u64> {
+    memory("VmHWM:")
+}
+
+/// Resident memory of this process, where the system tells.
+pub fn resident_memory() -> Option<u64> {
+    memory("VmRSS:")
+}
+
+fn memory(key: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status
-        .lines()
-        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let line = status.lines().find_map(|line| line.strip_prefix(key))?;
     line.trim()
         .strip_suffix("kB")?
         .trim()

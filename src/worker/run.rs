@@ -7,23 +7,25 @@ use std::time::{Duration, Instant};
 
 use super::echo::{EchoWatch, horizon};
 use super::measure::{self, Named, Pressures, Settled, Survey};
+use super::observables::{Known, Plan};
 use super::pace::{Meter, Slices};
 use super::{Options, Slot};
 use crate::engine::{Engine, Stuck};
 use crate::feed::Command;
-use crate::history::History;
+use crate::history::{History, Observable, Stretch};
 use crate::observe::Observer;
+use crate::observe::on_demand::OnDemand;
 use crate::scene::Scene;
 use crate::scene::analysis::Theory;
 use crate::snapshot::{
-    Expected, HistoryPoint, NamedBall, Phase, Sample, SceneCard, SeriesRow, Snapshot,
+    Expected, NamedBall, Observed, Phase, Sample, SceneCard, SeriesRow, Snapshot,
 };
 use crate::state::{Placement, State};
 
 /// Wall time between two snapshots.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(100);
 
-/// Wall time of the run between two points of the history \[s\].
+/// Wall time of the run between two stretches of the history \[s\].
 const HISTORY_EVERY_S: f64 = 0.5;
 
 /// Share of the wall time that may go into reading every ball.
@@ -48,6 +50,7 @@ pub struct Setting {
     names: Vec<String>,
     named: Vec<Named>,
     sampled: Vec<u32>,
+    plan: Option<Plan>,
     options: Options,
 }
 
@@ -60,6 +63,7 @@ impl Setting {
             theory: Theory::new(placement, scene.units),
             sampled: measure::sampled_balls(placement.positions.len(), &named),
             named: Named::all(scene, placement),
+            plan: Plan::new(scene, placement),
             names: named.into_iter().map(|(name, _)| name).collect(),
             options,
         }
@@ -82,6 +86,7 @@ struct Totals {
     wall_impulse: f64,
     pair_virial: f64,
     pair_collisions: u64,
+    wall_collisions: u64,
 }
 
 struct Run<'a> {
@@ -90,6 +95,9 @@ struct Run<'a> {
     slot: &'a Slot,
     engine: Box<dyn Engine>,
     observer: Observer,
+    on_demand: Option<OnDemand>,
+    observables: Arc<Vec<Observed>>,
+    observables_due: Instant,
     pressures: Pressures,
     echo: EchoWatch,
     survey: Survey,
@@ -100,9 +108,10 @@ struct Run<'a> {
     named: Vec<NamedBall>,
     sample: Option<Arc<Sample>>,
     closer_look_due: Instant,
-    history: History,
+    history: Arc<History>,
     history_due: f64,
-    last_point: Totals,
+    /// Where the last stretch of the history ended, and the wall time then.
+    last_point: (Totals, f64),
     last_row: Totals,
     rows: u64,
     phase: Phase,
@@ -139,6 +148,9 @@ pub fn run(
         inbox,
         slot,
         observer,
+        on_demand: (setting.plan.as_ref()).map(|plan| plan.observers(engine.state())),
+        observables: Arc::default(),
+        observables_due: Instant::now(),
         echo: EchoWatch::new(engine.state()),
         pressures: Pressures::of(engine.state()),
         slices: Slices::new(FIRST_SLICE * engine.state().units.time),
@@ -149,9 +161,9 @@ pub fn run(
         named: Vec::new(),
         sample: None,
         closer_look_due: Instant::now(),
-        history: History::default(),
+        history: Arc::default(),
         history_due: HISTORY_EVERY_S,
-        last_point: Totals::default(),
+        last_point: (Totals::default(), 0.0),
         last_row: Totals::default(),
         rows: 0,
         phase: Phase::Running,
@@ -167,8 +179,10 @@ pub fn run(
     };
     run.publish(None);
     run.go();
+    run.write_history();
     run.engine.settle();
     run.survey = Survey::of(run.engine.state(), &run.observer);
+    run.evaluate_observables();
     run.publish(Some(run.engine.state().hash()));
     let state = run.engine.state();
     (state.placement(), state.collisions.clone())
@@ -244,6 +258,9 @@ impl Run<'_> {
             Command::Reverse => {
                 self.engine.reverse();
                 self.observer.ledger.reverse(self.engine.state());
+                if let Some(on_demand) = &mut self.on_demand {
+                    on_demand.reverse(self.engine.state());
+                }
                 self.reversed = !self.reversed;
                 self.echo.turn(self.time());
             }
@@ -286,10 +303,7 @@ impl Run<'_> {
         ];
         let target = stops.into_iter().flatten().fold(time + length, f64::min);
         self.target = target;
-        let observer = &mut self.observer;
-        let until = self.engine.state().units.instant(target);
-        self.engine
-            .advance_in_sums(until, &mut |report| observer.take(report))?;
+        self.run_to(target)?;
         let spent = began.elapsed();
         self.slices.learn(self.time() - time, spent);
         self.meter
@@ -302,6 +316,9 @@ impl Run<'_> {
         let at_row = target >= next_row;
         if at_row || began >= self.survey_due {
             self.look_at_every_ball();
+        }
+        if self.on_demand.is_some() && began >= self.observables_due {
+            self.evaluate_observables();
         }
         if at_row {
             self.rows += 1;
@@ -325,6 +342,63 @@ impl Run<'_> {
         Ok(ControlFlow::Continue(()))
     }
 
+    /// Advances the gas, and shows it to the observers on demand at their instants, wherever slices end.
+    fn run_to(&mut self, target: f64) -> Result<(), Stuck> {
+        let units = self.engine.state().units;
+        let observer = &mut self.observer;
+        let Some((plan, on_demand)) = self.setting.plan.as_ref().zip(self.on_demand.as_mut())
+        else {
+            let until = units.instant(target);
+            return (self.engine).advance_in_sums(until, &mut |report| observer.take(report));
+        };
+        loop {
+            let due = on_demand.looks as f64 * plan.every();
+            let until = units.instant(due.min(target));
+            if on_demand.wants_collisions() {
+                self.engine.advance(until, &mut |collision| {
+                    observer.record(collision);
+                    on_demand.record(collision);
+                })?;
+            } else {
+                (self.engine).advance_in_sums(until, &mut |report| observer.take(report))?;
+            }
+            if due > target {
+                return Ok(());
+            }
+            self.engine.settle();
+            on_demand.look(self.engine.state());
+        }
+    }
+
+    /// Makes figures and tables of what the observers on demand have found.
+    fn evaluate_observables(&mut self) {
+        let Some((plan, on_demand)) = self.setting.plan.as_ref().zip(self.on_demand.as_ref())
+        else {
+            return;
+        };
+        let began = Instant::now();
+        let state = self.engine.state();
+        let settled = Settled::of(state, &self.observer);
+        let balls = self.setting.card.ball_count as f64;
+        let volume: f64 = self.setting.card.size.iter().product();
+        let energy = self.survey.thermal_energy.map(|energy| balls * energy);
+        let bulk = settled
+            .pressure
+            .virial
+            .filter(|_| settled.pressure.wall.is_none());
+        let known = Known {
+            temperature: self.temperature(),
+            collision_rate: (settled.pair_rate)
+                .map(|rate| 2.0 * rate / balls)
+                .filter(|rate| *rate > 0.0),
+            compressibility_factor: bulk
+                .zip(energy)
+                .map(|(pressure, energy)| pressure * volume / energy),
+        };
+        self.observables = Arc::new(plan.results(on_demand, state, known));
+        self.observables_due = Instant::now() + survey_pause(began.elapsed());
+    }
+
     fn look_at_every_ball(&mut self) {
         let began = Instant::now();
         self.engine.settle();
@@ -333,11 +407,13 @@ impl Run<'_> {
     }
 
     fn totals(&self) -> Totals {
+        let counters = self.engine.counters();
         Totals {
             time: self.time(),
             wall_impulse: self.observer.ledger.wall_impulse(),
             pair_virial: self.observer.ledger.pair_virial(),
-            pair_collisions: self.engine.counters().pair_collisions,
+            pair_collisions: counters.pair_collisions,
+            wall_collisions: counters.wall_collisions,
         }
     }
 
@@ -376,19 +452,57 @@ impl Run<'_> {
     }
 
     fn write_history(&mut self) {
+        let (last, wall_before) = self.last_point;
         let totals = self.totals();
-        let (wall, virial) = self.pressures_between(self.last_point, totals);
-        let span = totals.time - self.last_point.time;
-        if let Some(temperature) = self.temperature().filter(|_| span > 0.0) {
-            self.history.push(HistoryPoint {
-                time: totals.time,
-                temperature,
-                pressure: wall.or(virial).unwrap_or(0.0),
-                pair_rate: (totals.pair_collisions - self.last_point.pair_collisions) as f64 / span,
-                queue_length: self.engine.queue_length() as f64,
-            });
+        let wall_time = self.meter.wall_time();
+        self.last_point = (totals, wall_time);
+        let span = totals.time - last.time;
+        if !(span > 0.0) {
+            return;
         }
-        self.last_point = totals;
+        let counters = self.engine.counters();
+        let survey = &self.survey;
+        let (wall, virial) = self.pressures_between(last, totals);
+        let pairs = (totals.pair_collisions - last.pair_collisions) as f64;
+        let walls = (totals.wall_collisions - last.wall_collisions) as f64;
+        let speeds = survey.speeds.as_deref();
+        let stretch = Stretch::new(last.time, totals.time, wall_time)
+            .with(Observable::Temperature, self.temperature())
+            .with(Observable::PressureWall, wall)
+            .with(Observable::PressureVirial, virial)
+            .with(
+                Observable::CompressibilityFactor,
+                self.compressibility_factor(wall.or(virial)),
+            )
+            .with(Observable::PairRate, Some(pairs / span))
+            .with(Observable::WallRate, Some(walls / span))
+            .with(Observable::EnergyDrift, survey.energy_drift)
+            .with(Observable::MomentumDrift, survey.momentum_drift)
+            .with(Observable::VirialResidual, survey.virial_residual)
+            .with(Observable::MaxOverlap, self.observer.max_overlap)
+            .with(
+                Observable::SpeedDeviation,
+                speeds.map(|speeds| speeds.ks / speeds.ks_critical),
+            )
+            .with(
+                Observable::QueueLength,
+                (counters.queue_length_max > 0).then(|| self.engine.queue_length() as f64),
+            )
+            .with(Observable::Speed, Some(pairs / (wall_time - wall_before)))
+            .with(
+                Observable::Memory,
+                measure::resident_memory().map(|bytes| bytes as f64),
+            );
+        Arc::make_mut(&mut self.history).push(stretch);
+    }
+
+    /// `P V / (N k T)`, for a pressure.
+    fn compressibility_factor(&self, pressure: Option<f64>) -> Option<f64> {
+        let [x, y, z] = self.setting.card.size;
+        let balls = self.setting.card.ball_count as f64;
+        pressure
+            .zip(self.survey.thermal_energy)
+            .map(|(p, energy)| p * x * y * z / (balls * energy))
     }
 
     fn temperature(&self) -> Option<f64> {
@@ -436,8 +550,6 @@ impl Run<'_> {
         let temperature = self.temperature();
         let rates = self.meter.rates().filter(|_| self.phase == Phase::Running);
         let pair_rate = settled.pair_rate.filter(|_| counters.pair_collisions > 0);
-        let [x, y, z] = card.size;
-        let thermal_energy = self.survey.thermal_energy.map(|energy| balls * energy);
         let pressure = settled.pressure.wall.or(settled.pressure.virial);
         self.slot.put(Snapshot {
             sequence: self.sequence,
@@ -458,9 +570,7 @@ impl Run<'_> {
             temperature,
             kinetic_energy: self.survey.kinetic_energy,
             pressure: settled.pressure,
-            compressibility_factor: pressure
-                .zip(thermal_energy)
-                .map(|(p, nkt)| p * x * y * z / nkt),
+            compressibility_factor: self.compressibility_factor(pressure),
             collision_rate: pair_rate.map(|rate| 2.0 * rate / balls),
             pair_rate,
             wall_rate: settled.wall_rate,
@@ -486,7 +596,8 @@ impl Run<'_> {
             peak_rss_bytes: measure::peak_memory(),
             state_hash,
             named: self.named.clone(),
-            history: self.history.points(),
+            observables: Arc::clone(&self.observables),
+            history: Arc::clone(&self.history),
             sample: self.sample.clone(),
             ..self.setting.first_snapshot()
         });

@@ -4,8 +4,8 @@ use std::sync::{Arc, Mutex};
 
 use moltop::feed::{Command, Feed};
 use moltop::snapshot::{
-    Boundary, Counts, Expected, HistoryPoint, Phase, Pressure, Sample, SceneCard, Snapshot, Speeds,
-    Units,
+    Boundary, Counts, Expected, History, Observable, Phase, Pressure, Sample, SceneCard, Snapshot,
+    Speeds, Stretch, Units,
 };
 
 /// Numbers in `[0, 1)` from a seed. Source: Steele, Lea and Flood, `SplitMix64`.
@@ -79,15 +79,20 @@ pub fn running(scene: SceneCard, frame: u64) -> Snapshot {
     };
     let time = time_unit * (12.48 + 0.029 * frame as f64);
     let mut random = Random(7);
-    let history = (1..=300)
-        .map(|i| HistoryPoint {
-            time: time * f64::from(i) / 300.0,
-            temperature: heat,
-            pressure: pressure_unit * (1.0 + 0.02 * random.normal()),
-            pair_rate: 2.087e15 * (1.0 + 0.004 * random.normal()),
-            queue_length: 47_300.0 + 80.0 * random.normal(),
-        })
-        .collect();
+    let mut history = History::default();
+    for i in 1..=300 {
+        let end = |i: u32| time * f64::from(i) / 300.0;
+        let mut around = |mean: f64, deviation: f64| Some(mean + deviation * random.normal());
+        let stretch = Stretch::new(end(i - 1), end(i), 0.5 * f64::from(i))
+            .with(Observable::Temperature, Some(heat))
+            .with(
+                Observable::PressureWall,
+                around(pressure_unit, 0.02 * pressure_unit),
+            )
+            .with(Observable::PairRate, around(2.087e15, 0.004 * 2.087e15))
+            .with(Observable::QueueLength, around(47_300.0, 80.0));
+        history.push(stretch);
+    }
     Snapshot {
         sequence: 2 + frame,
         phase: Phase::Running,
@@ -145,6 +150,12 @@ fn speeds(si: bool, random: &mut Random) -> Speeds {
             704_969.0 * 4.0 / std::f64::consts::PI.sqrt() * v * v * (-v * v).exp() / 32.0
         })
         .collect();
+    let normal: Vec<f64> = (0..64)
+        .map(|bin| {
+            let v = (f64::from(bin) - 31.5) / 8.0;
+            704_969.0 * (-v * v / 2.0).exp() / (8.0 * (2.0 * std::f64::consts::PI).sqrt())
+        })
+        .collect();
     Speeds {
         bin_width,
         counts: maxwell
@@ -154,6 +165,15 @@ fn speeds(si: bool, random: &mut Random) -> Speeds {
         maxwell,
         ks: 0.001_65,
         ks_critical: 0.002_32,
+        component_bin_width: most_probable / 2.0_f64.sqrt() / 8.0,
+        components: [0, 1, 2].map(|_| {
+            let counts = normal.iter();
+            counts
+                .map(|expected| (expected + expected.sqrt() * random.normal()).max(0.0) as u64)
+                .collect()
+        }),
+        component_ks: [0.000_9, 0.001_2, 0.000_7],
+        normal,
     }
 }
 

@@ -26,6 +26,8 @@ pub struct Terminal {
     pub bytes: Vec<u8>,
     /// Bytes per second that the line carries; `None` for as many as come.
     pub line: Option<usize>,
+    /// Where the program keeps its runs and settings.
+    pub home: tempfile::TempDir,
     /// Whether the terminal answers the question that ends each frame.
     pub answers: bool,
 }
@@ -34,6 +36,7 @@ impl Terminal {
     /// Starts the program with arguments and environment variables of its own.
     pub fn start(size: (u16, u16), arguments: &[&str], variables: &[(&str, &str)]) -> Self {
         let (columns, rows) = size;
+        let home = tempfile::tempdir().expect("a temporary directory");
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pseudo-terminal");
         grantpt(&master).expect("granted");
         unlockpt(&master).expect("unlocked");
@@ -65,9 +68,12 @@ impl Terminal {
         }
         command
             .env_remove("NO_COLOR")
+            .env("XDG_STATE_HOME", home.path())
+            .env("XDG_CONFIG_HOME", home.path())
             .env("LANG", "C.UTF-8")
             .env("TERM", "xterm-256color")
             .envs(variables.iter().copied());
+        command.current_dir(home.path());
         let child = command.spawn().expect("the program starts");
         Self {
             child,
@@ -80,6 +86,7 @@ impl Terminal {
             bytes: Vec::new(),
             line: None,
             answers: false,
+            home,
         }
     }
 

@@ -2,48 +2,56 @@
 //!
 //! The filter never rejects a pair that the exact prediction ([`crate::collision::pair_time`]) accepts; it lets some through that
 //! the exact test then rejects, so how wide the machine's vectors are changes the cost and never a collision. Its margins are
-//! derived from the rounding of f32 at the largest coordinates it sees.
+//! derived from the rounding of f32 at the largest coordinates and velocities it sees.
+//!
+//! All is in grid lengths and windows: the window lasts from time 0 to time 1.
 
-use glam::DVec3;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Arch, Simd, WithSimd, bytemuck};
+
+use super::grid::Entry;
+use super::pieces::Line;
 
 /// Columns are padded to a multiple of the widest vectors.
 const LANES: usize = 16;
 
-/// Share of `|r|^2 |v|^2` by which f32 rounding can change `(r . v)^2`, with a margin: some ten roundings of 2^-24 each.
-const ROUNDING: f32 = 4e-6;
+/// A coordinate that nothing comes near to, whose square still is a number.
+const FAR: f32 = 1e15;
 
-/// A pair closer to tangential than this squared cosine may approach, whatever the sign of `r . v` in f32. What that lets through
-/// of pairs that do not overlap is less than `ROUNDING` already allows, so only overlapping ones need it.
-const GRAZING: f32 = 1e-8;
+/// Share of `|r|^2 |v|^2` by which f32 rounding can change `(r . v)^2 - |v|^2 |r|^2`: some twenty roundings of 2^-24 each at
+/// the most, with a margin.
+const ROUNDING: f64 = 2.5e-6;
 
-/// Share of the largest coordinate by which positions are off, with a margin.
-const POSITION_ROUNDING: f64 = 1e-6;
-
-/// Where a piece is at the beginning of the window, if need be drawn back to it, and its velocity; in f32.
-#[derive(Clone, Copy, Debug, Default)]
-#[repr(align(32))]
-pub struct Start([f32; 8]);
-
-impl Start {
-    /// From a position at the beginning of the window.
-    #[inline]
-    pub fn new(position: DVec3, velocity: DVec3) -> Self {
-        let [x, y, z] = position.as_vec3().to_array();
-        let [u, v, w] = velocity.as_vec3().to_array();
-        Self([x, y, z, u, v, w, 0.0, 0.0])
-    }
-}
+/// Margin of a time by rounding, in windows, for pairs that move apart or together at least at this squared speed.
+const TIME_MARGIN: f32 = 1e-3;
+/// See above: the rounding of `r . v / v^2` is `2.4e-7 |r| / |v|`.
+const TELLING_SPEED_SQUARED: f32 = 1e-5;
 
 /// The pieces of a cell, as columns.
 #[derive(Clone, Debug)]
 pub struct Filter {
     machine: Arch,
-    /// `x, y, z` and the velocity's `x, y, z`.
+    /// `x, y, z` relative to the cell's centre and the velocity's `x, y, z`.
     columns: [Vec<f32>; 6],
-    length: usize,
-    /// Squared distance below which a pair may touch.
+    /// What is listed in each row.
+    entries: Vec<Entry>,
+    /// Vectors with hits: row, chunk of columns, lanes.
+    hits: Vec<u64>,
+    margins: Margins,
+    contact: f32,
     contact_squared: f32,
+}
+
+/// What the filter's margins are made from, in grid lengths.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Margins {
+    /// Largest contact distance.
+    pub contact: f64,
+    /// By how much a position may be wrong.
+    pub position: f64,
+    /// Widths of a cell.
+    pub edges: [f32; 3],
+    /// Largest component of any piece's velocity.
+    pub fastest: f32,
 }
 
 impl Default for Filter {
@@ -51,168 +59,223 @@ impl Default for Filter {
         Self {
             machine: Arch::new(),
             columns: Default::default(),
-            length: 0,
+            entries: Vec::new(),
+            hits: Vec::new(),
+            margins: Margins::default(),
+            contact: 0.0,
             contact_squared: 0.0,
         }
     }
 }
 
 impl Filter {
-    /// Begins a window: `contact` is the largest contact distance, `extent` bounds the coordinates of all pieces.
-    pub fn begin_window(&mut self, contact: f64, extent: f64) {
-        let contact = (contact + POSITION_ROUNDING * extent) as f32;
-        self.contact_squared = contact * contact;
+    /// Begins a window.
+    pub fn begin_window(&mut self, margins: Margins) {
+        self.margins = margins;
+        let fastest = f64::from(margins.fastest);
+        // Two positions, and two velocities for at most the window's length.
+        let contact =
+            margins.contact + 2.0 * margins.position + 4.0 * f64::from(f32::EPSILON) * fastest;
+        // A piece passes the cell in the window, so at its beginning it is no farther than it flies in it.
+        let farthest: f64 = margins
+            .edges
+            .iter()
+            .map(|&edge| {
+                let apart = f64::from(edge) + margins.contact + 2.0 * fastest;
+                apart * apart
+            })
+            .sum();
+        self.contact = contact as f32;
+        self.contact_squared = (contact * contact + ROUNDING * farthest) as f32;
     }
 
-    /// Begins a cell of `count` pieces.
+    /// Allows for a piece as fast as this.
     #[inline]
-    pub fn begin_cell<'s>(&mut self, count: usize, pieces: impl Iterator<Item = &'s Start>) {
-        self.length = count;
-        self.make_room(count);
-        let [x, y, z, u, v, w] = self.columns.each_mut().map(|column| &mut column[..count]);
-        for (index, piece) in pieces.enumerate() {
-            [
-                x[index],
-                y[index],
-                z[index],
-                u[index],
-                v[index],
-                w[index],
-                ..,
-            ] = piece.0;
+    pub fn allow(&mut self, speed: f32) {
+        if speed > self.margins.fastest {
+            self.begin_window(Margins {
+                fastest: speed,
+                position: self.margins.position + f64::from(f32::EPSILON * speed),
+                ..self.margins
+            });
         }
     }
 
-    fn make_room(&mut self, count: usize) {
-        if self.columns[0].len() < count {
+    /// Largest component of the velocities it allows for.
+    pub fn fastest(&self) -> f32 {
+        self.margins.fastest
+    }
+
+    /// Begins a cell with these pieces; `place` gives where each of them is relative to the cell's centre, and its velocity.
+    #[inline(always)]
+    pub fn begin_cell(&mut self, entries: &[Entry], place: impl Fn(Entry) -> [f32; 6]) {
+        self.entries.clear();
+        self.entries.extend_from_slice(entries);
+        let count = entries.len();
+        let room = count.next_multiple_of(LANES);
+        if self.columns[0].len() < room {
             self.columns
                 .iter_mut()
-                .for_each(|column| column.resize(count.next_multiple_of(LANES), 0.0));
+                .for_each(|column| column.resize(room, 0.0));
+        }
+        let [x, y, z, u, v, w] = self.columns.each_mut().map(|column| &mut column[..room]);
+        for (row, &entry) in entries.iter().enumerate() {
+            [x[row], y[row], z[row], u[row], v[row], w[row]] = place(entry);
+        }
+        for row in count..room {
+            (x[row], y[row], z[row]) = (FAR, FAR, FAR);
+            (u[row], v[row], w[row]) = (0.0, 0.0, 0.0);
         }
     }
 
-    /// Adds a piece.
-    #[inline]
-    pub fn push(&mut self, piece: &Start) {
-        self.make_room(self.length + 1);
-        for (column, &value) in self.columns.iter_mut().zip(&piece.0) {
-            column[self.length] = value;
+    /// What is listed in a row.
+    pub fn entry(&self, row: u32) -> Entry {
+        self.entries[row as usize]
+    }
+
+    /// Appends to `pairs` each pair of a piece from row `first` on and a piece before it that can meet in the cell in the
+    /// window, the later row first.
+    pub fn find(&mut self, first: usize, pairs: &mut Vec<(u32, u32)>) {
+        let count = self.entries.len();
+        let most = (count - first.min(count)) * count.div_ceil(LANES) + 1;
+        if self.hits.len() < most {
+            self.hits.resize(most, 0);
         }
-        self.length += 1;
-    }
-
-    /// Number of pieces.
-    pub fn len(&self) -> usize {
-        self.length
-    }
-
-    /// Appends to `hits` each pair of a piece from `first` on and a piece before it that can meet, the later piece first.
-    pub fn find(&self, first: usize, hits: &mut Vec<(u32, u32)>) {
-        self.machine.dispatch(Find {
-            filter: self,
+        let found = self.machine.dispatch(Find {
+            columns: self.columns.each_ref().map(|column| &column[..]),
             first,
-            hits,
+            count,
+            contact_squared: self.contact_squared,
+            hits: &mut self.hits,
         });
-    }
-}
-
-struct Find<'a> {
-    filter: &'a Filter,
-    first: usize,
-    hits: &'a mut Vec<(u32, u32)>,
-}
-
-impl WithSimd for Find<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Filter {
-            columns,
-            length,
-            contact_squared,
-            ..
-        } = self.filter;
-        let [x, y, z, u, v, w] = columns;
-        let wide = [
-            S::as_simd_f32s(x).0,
-            S::as_simd_f32s(y).0,
-            S::as_simd_f32s(z).0,
-            S::as_simd_f32s(u).0,
-            S::as_simd_f32s(v).0,
-            S::as_simd_f32s(w).0,
-        ];
-        let lanes = size_of::<S::f32s>() / size_of::<f32>();
-        let minus_contact_squared = simd.splat_f32s(-contact_squared);
-        for row in self.first..*length {
-            let own = [
-                simd.splat_f32s(x[row]),
-                simd.splat_f32s(y[row]),
-                simd.splat_f32s(z[row]),
-                simd.splat_f32s(u[row]),
-                simd.splat_f32s(v[row]),
-                simd.splat_f32s(w[row]),
-            ];
-            let chunks = row.div_ceil(lanes);
-            let mut most = simd.splat_f32s(0.0);
-            for chunk in 0..chunks {
-                most = simd.max_f32s(most, excess(simd, wide, chunk, own, minus_contact_squared));
-            }
-            // Rows with a hit are rare; which piece it was is found in a second pass.
-            if simd.reduce_max_f32s(most) > 0.0 {
-                for chunk in 0..chunks {
-                    let excess = [excess(simd, wide, chunk, own, minus_contact_squared)];
-                    let excess = pulp::bytemuck::cast_slice::<S::f32s, f32>(&excess);
-                    for (lane, &excess) in excess.iter().enumerate() {
-                        let other = chunk * lanes + lane;
-                        if excess > 0.0 && other < row {
-                            self.hits.push((row as u32, other as u32));
-                        }
-                    }
+        for &hit in &self.hits[..found] {
+            let (row, chunk) = ((hit >> 16 & 0xff_ffff) as u32, (hit >> 40) as u32);
+            let mut lanes = (hit & 0xffff) as u32;
+            while lanes != 0 {
+                let other = chunk * LANES as u32 + lanes.trailing_zeros();
+                lanes &= lanes - 1;
+                if other < row && self.can_meet_here(row as usize, other as usize) {
+                    pairs.push((row, other));
                 }
             }
         }
     }
+
+    /// Whether two pieces whose lines touch may do so within the window and within the cell. In doubt they may.
+    #[inline(always)]
+    fn can_meet_here(&self, row: usize, other: usize) -> bool {
+        let [x, y, z, u, v, w] = &self.columns;
+        let apart = [x[row] - x[other], y[row] - y[other], z[row] - z[other]];
+        let velocity = [u[row] - u[other], v[row] - v[other], w[row] - w[other]];
+        let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let (radial, speed_squared) = (dot(apart, velocity), dot(velocity, velocity));
+        if speed_squared < TELLING_SPEED_SQUARED {
+            return true;
+        }
+        let beyond = dot(apart, apart) - self.contact_squared;
+        let root = (radial * radial - speed_squared * beyond).max(0.0).sqrt();
+        let closest = -radial / speed_squared;
+        // No later than the contact.
+        let touch = (closest - root / speed_squared).max(0.0);
+        if touch > 1.0 + TIME_MARGIN {
+            return false;
+        }
+        // The contact lies between the two times, within contact of the middle between the centres.
+        let middle = [x[row] + x[other], y[row] + y[other], z[row] + z[other]];
+        let drift = [u[row] + u[other], v[row] + v[other], w[row] + w[other]];
+        !(0..3).any(|axis| {
+            let margin = 1.5 * self.contact + TIME_MARGIN * drift[axis].abs();
+            let half = 0.5 * self.margins.edges[axis] + margin;
+            let [one, two] = [touch, closest].map(|time| 0.5 * (middle[axis] + drift[axis] * time));
+            one.min(two) > half || one.max(two) < -half
+        })
+    }
 }
 
-/// By how much the pieces of a chunk approach one piece more closely than contact: positive for those that can meet it.
-///
-/// Spelled out without closures: those would not be compiled for the wide vectors.
-#[inline(always)]
-fn excess<S: Simd>(
-    simd: S,
-    [x, y, z, u, v, w]: [&[S::f32s]; 6],
-    chunk: usize,
-    own: [S::f32s; 6],
-    minus_contact_squared: S::f32s,
-) -> S::f32s {
-    let rx = simd.sub_f32s(x[chunk], own[0]);
-    let ry = simd.sub_f32s(y[chunk], own[1]);
-    let rz = simd.sub_f32s(z[chunk], own[2]);
-    let vx = simd.sub_f32s(u[chunk], own[3]);
-    let vy = simd.sub_f32s(v[chunk], own[4]);
-    let vz = simd.sub_f32s(w[chunk], own[5]);
-    let radial = dot(simd, [rx, ry, rz], [vx, vy, vz]);
-    let distance_squared = dot(simd, [rx, ry, rz], [rx, ry, rz]);
-    let speed_squared = dot(simd, [vx, vy, vz], [vx, vy, vz]);
-    // (r.v)^2 with the sign of approach, against |v|^2 (|r|^2 - contact^2), less what rounding may do.
-    let approach = simd.neg_f32s(simd.mul_f32s(radial, simd.abs_f32s(radial)));
-    let beyond = simd.max_f32s(
-        simd.mul_add_e_f32s(
-            distance_squared,
-            simd.splat_f32s(1.0 - ROUNDING),
-            minus_contact_squared,
-        ),
-        simd.mul_f32s(distance_squared, simd.splat_f32s(-GRAZING)),
-    );
-    simd.sub_f32s(approach, simd.mul_f32s(speed_squared, beyond))
+struct Find<'a> {
+    columns: [&'a [f32]; 6],
+    first: usize,
+    count: usize,
+    contact_squared: f32,
+    hits: &'a mut [u64],
 }
 
+impl WithSimd for Find<'_> {
+    /// How many vectors have hits.
+    type Output = usize;
+
+    /// Free of branches that depend on the pieces: a vector with hits is written down by advancing past it.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> usize {
+        let lanes = size_of::<S::f32s>() / size_of::<f32>();
+        let [x, y, z, u, v, w] = self.columns;
+        let rows = |column: &'_ [f32]| column.len().min(self.count);
+        let count = rows(x)
+            .min(rows(y))
+            .min(rows(z))
+            .min(rows(u))
+            .min(rows(v))
+            .min(rows(w));
+        let chunks = S::as_simd_f32s(x).0.iter().zip(S::as_simd_f32s(y).0);
+        let chunks = chunks.zip(S::as_simd_f32s(z).0.iter().zip(S::as_simd_f32s(u).0));
+        let chunks = chunks.zip(S::as_simd_f32s(v).0.iter().zip(S::as_simd_f32s(w).0));
+        let minus_contact_squared = simd.splat_f32s(-self.contact_squared);
+        let zero = simd.splat_f32s(0.0);
+        let mut found = 0;
+        for (chunk, (((&cx, &cy), (&cz, &cu)), (&cv, &cw))) in chunks.enumerate() {
+            let begin = chunk * lanes;
+            let place = (begin / LANES) as u64;
+            for row in self.first.max(begin + 1)..count {
+                let rx = simd.sub_f32s(cx, simd.splat_f32s(x[row]));
+                let ry = simd.sub_f32s(cy, simd.splat_f32s(y[row]));
+                let rz = simd.sub_f32s(cz, simd.splat_f32s(z[row]));
+                let vx = simd.sub_f32s(simd.splat_f32s(u[row]), cu);
+                let vy = simd.sub_f32s(simd.splat_f32s(v[row]), cv);
+                let vz = simd.sub_f32s(simd.splat_f32s(w[row]), cw);
+                // Positive if they approach.
+                let approach = simd.mul_f32s(rx, vx);
+                let approach = simd.mul_add_e_f32s(ry, vy, approach);
+                let approach = simd.mul_add_e_f32s(rz, vz, approach);
+                let beyond = simd.mul_add_e_f32s(rx, rx, minus_contact_squared);
+                let beyond = simd.mul_add_e_f32s(ry, ry, beyond);
+                let beyond = simd.mul_add_e_f32s(rz, rz, beyond);
+                let speed = simd.mul_f32s(vx, vx);
+                let speed = simd.mul_add_e_f32s(vy, vy, speed);
+                let speed = simd.mul_add_e_f32s(vz, vz, speed);
+                // (r . v)^2 against |v|^2 (|r|^2 - contact^2): whether the lines touch.
+                let closeness = simd.mul_f32s(approach, simd.max_f32s(approach, zero));
+                let hit = simd.less_than_f32s(simd.mul_f32s(speed, beyond), closeness);
+                let hit = lanes_of::<S>(hit) << (begin % LANES);
+                self.hits[found] = place << 40 | (row as u64) << 16 | hit;
+                found += usize::from(hit != 0);
+            }
+        }
+        found
+    }
+}
+
+/// A comparison's outcome as a number with a bit for each lane.
 #[inline(always)]
-fn dot<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> S::f32s {
-    simd.mul_add_e_f32s(
-        a[2],
-        b[2],
-        simd.mul_add_e_f32s(a[1], b[1], simd.mul_f32s(a[0], b[0])),
-    )
+fn lanes_of<S: Simd>(mask: S::m32s) -> u64 {
+    const { assert!(size_of::<S::f32s>() <= LANES * size_of::<f32>()) };
+    if const { size_of::<S::m32s>() == size_of::<u16>() } {
+        u64::from(bytemuck::cast::<S::m32s, u16>(mask))
+    } else if const { size_of::<S::m32s>() == size_of::<u8>() } {
+        u64::from(bytemuck::cast::<S::m32s, u8>(mask)) & ((1 << S::F32_LANES) - 1)
+    } else {
+        let masks = [mask];
+        let lanes: &[u32] = bytemuck::cast_slice(&masks);
+        lanes
+            .iter()
+            .enumerate()
+            .fold(0, |bits, (lane, &set)| bits | u64::from(set & 1) << lane)
+    }
+}
+
+/// A piece as a column sees it.
+#[inline(always)]
+pub fn relative(line: &Line, origin: [f32; 3]) -> [f32; 6] {
+    let [x, y, z] = line.position;
+    let [u, v, w] = line.velocity;
+    [x - origin[0], y - origin[1], z - origin[2], u, v, w]
 }

@@ -3,56 +3,76 @@
 //! Each ball is listed in every cell that its straight path in the window reaches into, so two balls that touch in the window
 //! are both in the list of the cell that holds their contact point. Cells are numbered along a Morton curve, so that cells near
 //! each other in space are near each other in memory.
+//!
+//! Around the cells lies a layer of places one wide. In a container nothing is listed there. In a periodic box each of these
+//! places is an image of a cell at the opposite face: a ball that reaches out there is listed in that cell, as its image.
 
 use glam::DVec3;
 
+use crate::domain::{Boundary, Domain};
+
 /// Margin around a ball, in cell widths: far above rounding, far below anything that costs.
-const SLACK: f64 = 1.0 / (1 << 20) as f64;
+pub const SLACK: f64 = 1.0 / (1 << 20) as f64;
 
-/// Most cells along an axis: their Morton numbers interleave ten bits each.
-const MOST_PER_AXIS: f64 = 1024.0;
+/// Most cells along an axis: their Morton numbers interleave ten bits each, the layer around them included.
+const MOST_PER_AXIS: f64 = 1022.0;
 
-/// A place on the grid.
-pub type Place = [u16; 3];
+/// A place on the grid; the layer around the cells is at -1 and at the count of cells.
+pub type Place = [i32; 3];
 
-/// A box of places, both ends included.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Range {
-    /// Lowest place along each axis.
-    pub low: Place,
-    /// Highest place along each axis.
-    pub high: Place,
+/// A piece of path as a cell lists it: the piece's number, and which image of it.
+pub type Entry = u32;
+
+/// An entry's bits above these say which image of the piece it is: `x + 3 y + 9 z` for one moved by `x, y, z` boxes, -1 being
+/// counted as 2.
+pub const IMAGE_SHIFT: u32 = 27;
+
+/// The piece's number in an entry.
+#[inline(always)]
+pub fn piece_of(entry: Entry) -> u32 {
+    entry & ((1 << IMAGE_SHIFT) - 1)
 }
 
-impl Range {
-    /// Visits every place of the box.
-    #[inline]
-    pub fn for_each(self, mut visit: impl FnMut(Place)) {
-        for x in self.low[0]..=self.high[0] {
-            for y in self.low[1]..=self.high[1] {
-                for z in self.low[2]..=self.high[2] {
-                    visit([x, y, z]);
-                }
-            }
-        }
-    }
+/// The image's number in an entry.
+#[inline(always)]
+pub fn image_of(entry: Entry) -> usize {
+    (entry >> IMAGE_SHIFT) as usize
 }
 
-/// Cells over a container.
+/// Steps by whole boxes that an image's number stands for.
+pub fn steps_of(image: usize) -> [i8; 3] {
+    [1, 3, 9].map(|weight| [0, 1, -1][image / weight % 3])
+}
+
+/// Cells over a box.
 #[derive(Clone, Debug)]
 pub struct Grid {
     counts: Place,
+    /// Places at which balls are listed, both ends included: with the layer around the cells in a periodic box.
+    pub lowest: i32,
+    /// See `lowest`.
+    pub highest: Place,
     half_size: DVec3,
+    period: DVec3,
     width: DVec3,
     per_width: DVec3,
     slack: f64,
-    /// Number of each place on the Morton curve.
-    cell_of: Vec<u32>,
+    /// Grid lengths per length: the unit of the filter's coordinates is the smallest width of a cell.
+    pub scale: f64,
+    /// Widths of a cell, in grid lengths.
+    pub edges: [f32; 3],
+    /// For each place in raster order: the cell there and, as in an [`Entry`], which image of it.
+    pub targets: Vec<u32>,
+    /// What one step along each axis adds to a place's number in raster order.
+    pub strides: [u32; 3],
+    /// Centres of the cells, in grid lengths from the box's lower corner.
+    centers: Vec<[f32; 3]>,
 }
 
 impl Grid {
-    /// An empty grid over the box from `-half_size` to `half_size`, with cells at least `width` wide, for `ball_count` balls.
-    pub fn new(half_size: DVec3, width: f64, ball_count: usize) -> Self {
+    /// An empty grid over a domain's box, with cells at least `width` wide, for `ball_count` balls.
+    pub fn new(domain: &Domain, width: f64, ball_count: usize) -> Self {
+        let half_size = domain.half_size;
         let edges = 2.0 * half_size;
         let most = (ball_count + 1) as f64;
         let counts_at = |width: f64| {
@@ -66,36 +86,81 @@ impl Grid {
         }
         let counts = counts_at(width);
         let width = edges / counts;
-        let counts = counts.to_array().map(|count| count as u16);
-        let last = counts.map(|count| count - 1);
-        let mut place_of = Vec::new();
-        Range {
-            low: [0; 3],
-            high: last,
+        let counts = counts.to_array().map(|count| count as i32);
+        let scale = 1.0 / width.min_element();
+        let periodic = domain.boundary == Boundary::Periodic;
+        let margin = i32::from(periodic);
+
+        let strides = [
+            ((counts[1] + 2) * (counts[2] + 2)) as u32,
+            (counts[2] + 2) as u32,
+            1,
+        ];
+        let mut places = Vec::new();
+        for x in 0..counts[0] {
+            for y in 0..counts[1] {
+                for z in 0..counts[2] {
+                    places.push([x, y, z]);
+                }
+            }
         }
-        .for_each(|place| place_of.push(place));
-        let raster_of = |[x, y, z]: Place| {
-            let [_, count_y, count_z] = counts.map(usize::from);
-            (usize::from(x) * count_y + usize::from(y)) * count_z + usize::from(z)
+        places.sort_unstable_by_key(|&place| morton(place));
+        let edge_lengths = width * scale;
+        let center = |place: &Place| {
+            let center: [f64; 3] =
+                std::array::from_fn(|axis| (f64::from(place[axis]) + 0.5) * edge_lengths[axis]);
+            center.map(|coordinate| coordinate as f32)
         };
-        place_of.sort_unstable_by_key(|&place| morton(place));
-        let mut cell_of = vec![0; place_of.len()];
-        for (cell, &place) in place_of.iter().enumerate() {
-            cell_of[raster_of(place)] = cell as u32;
-        }
-        Self {
+        let mut grid = Self {
             counts,
+            lowest: -margin,
+            highest: counts.map(|count| count - 1 + margin),
             half_size,
+            period: domain.period(),
             width,
             per_width: 1.0 / width,
             slack: SLACK * width.min_element(),
-            cell_of,
+            scale,
+            edges: edge_lengths.as_vec3().to_array(),
+            targets: vec![0; counts.iter().map(|&count| count as usize + 2).product()],
+            strides,
+            centers: places.iter().map(center).collect(),
+        };
+        for (cell, &place) in places.iter().enumerate() {
+            let at = grid.raster(place);
+            grid.targets[at] = cell as u32;
+        }
+        if periodic {
+            grid.link_images();
+        }
+        grid
+    }
+
+    /// Gives each place of the layer around the cells its cell at the opposite face.
+    fn link_images(&mut self) {
+        let [x, y, z] = self.highest;
+        for place in
+            (-1..=x).flat_map(|x| (-1..=y).flat_map(move |y| (-1..=z).map(move |z| [x, y, z])))
+        {
+            let mut inside = place;
+            let mut image = 0;
+            for (axis, weight) in [1, 3, 9].into_iter().enumerate() {
+                let count = self.counts[axis];
+                // A ball beyond the upper face is seen from the cell at the lower one as moved down.
+                if place[axis] < 0 {
+                    (inside[axis], image) = (place[axis] + count, image + weight);
+                } else if place[axis] >= count {
+                    (inside[axis], image) = (place[axis] - count, image + 2 * weight);
+                }
+            }
+            let at = self.raster(place);
+            self.targets[at] = self.targets[self.raster(inside)] | image << IMAGE_SHIFT;
         }
     }
 
     /// Number of cells.
     pub fn cell_count(&self) -> usize {
-        self.cell_of.len()
+        self.centers.len()
     }
 
     /// Widths of a cell \[length\].
@@ -103,57 +168,138 @@ impl Grid {
         self.width
     }
 
-    /// The cell that holds a position; one outside the box belongs to the nearest.
+    /// Largest coordinate in the box, in grid lengths.
+    pub fn extent(&self) -> f64 {
+        (2.0 * self.half_size * self.scale).max_element()
+    }
+
+    /// A position from the box's lower corner, in grid lengths.
     #[inline]
-    pub fn cell_at(&self, position: DVec3) -> usize {
-        self.cell(self.place_at(position))
+    pub fn to_grid(&self, position: DVec3) -> DVec3 {
+        (position + self.half_size) * self.scale
+    }
+
+    /// The centre of a cell, in grid lengths from the box's lower corner.
+    #[inline]
+    pub fn center(&self, cell: usize) -> [f32; 3] {
+        self.centers[cell]
+    }
+
+    /// By how much an image is moved \[length\].
+    #[inline]
+    pub fn shift(&self, image: usize) -> DVec3 {
+        if image == 0 {
+            DVec3::ZERO
+        } else {
+            DVec3::from_array(steps_of(image).map(f64::from)) * self.period
+        }
+    }
+
+    /// The cell that holds a position in grid lengths; one outside the box belongs to the nearest.
+    #[inline]
+    pub fn cell_at(&self, position: [f32; 3]) -> usize {
+        let place = std::array::from_fn(|axis| {
+            ((position[axis] / self.edges[axis]) as i32).clamp(0, self.counts[axis] - 1)
+        });
+        self.targets[self.raster(place)] as usize
+    }
+
+    /// The cell that holds a contact point, and which image of a piece that is there: as listed, but for the piece.
+    #[inline]
+    pub fn target_at(&self, position: DVec3) -> u32 {
+        self.targets[self.raster(self.place_at(position))]
     }
 
     #[inline]
     fn place_at(&self, position: DVec3) -> Place {
         let place = (position + self.half_size) * self.per_width;
-        std::array::from_fn(|axis| (place[axis] as u16).min(self.counts[axis] - 1))
+        std::array::from_fn(|axis| {
+            (place[axis].floor() as i32).clamp(self.lowest, self.highest[axis])
+        })
     }
 
-    /// The number of a place on the curve.
     #[inline]
-    pub fn cell(&self, [x, y, z]: Place) -> usize {
-        let [_, count_y, count_z] = self.counts.map(usize::from);
-        self.cell_of[(usize::from(x) * count_y + usize::from(y)) * count_z + usize::from(z)]
-            as usize
+    fn raster(&self, place: Place) -> usize {
+        let [x, y, z] = place.map(|number| (number + 1) as usize);
+        let [stride_x, stride_y, _] = self.strides.map(|stride| stride as usize);
+        x * stride_x + y * stride_y + z
     }
 
-    /// The places that a ball of this radius reaches into on its straight way from one position to another.
+    /// Visits the cells that a ball of this radius reaches into on its straight way from one position to another.
     #[inline]
-    pub fn reach(&self, from: DVec3, to: DVec3, radius: f64) -> Range {
+    pub fn for_each_on_way(&self, from: DVec3, to: DVec3, radius: f64, mut visit: impl FnMut(u32)) {
         let reach = radius + self.slack;
-        Range {
-            low: self.place_at(from.min(to) - reach),
-            high: self.place_at(from.max(to) + reach),
+        let low = self.place_at(from.min(to) - reach);
+        let high = self.place_at(from.max(to) + reach);
+        if low == high {
+            return visit(self.targets[self.raster(low)]);
+        }
+        // When the ball reaches into a slab of places, as a share of the way.
+        let way = to - from;
+        let inside = |axis: usize, number: i32| {
+            if low[axis] == high[axis] || way[axis] == 0.0 {
+                return (0.0, 1.0);
+            }
+            let lower = f64::from(number) * self.width[axis] - self.half_size[axis];
+            let enter = (lower - reach - from[axis]) / way[axis];
+            let leave = (lower + self.width[axis] + reach - from[axis]) / way[axis];
+            let (enter, leave) = (enter.min(leave), enter.max(leave));
+            // The outermost places reach to infinity.
+            let open = |end: bool| (way[axis] > 0.0) == end;
+            (
+                if number == low[axis] && open(true) || number == high[axis] && open(false) {
+                    0.0
+                } else {
+                    enter
+                },
+                if number == high[axis] && open(true) || number == low[axis] && open(false) {
+                    1.0
+                } else {
+                    leave
+                },
+            )
+        };
+        let both = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.min(b.1));
+        for x in low[0]..=high[0] {
+            let in_x = inside(0, x);
+            for y in low[1]..=high[1] {
+                let in_xy = both(in_x, inside(1, y));
+                if in_xy.0 > in_xy.1 {
+                    continue;
+                }
+                for z in low[2]..=high[2] {
+                    let in_all = both(in_xy, inside(2, z));
+                    if in_all.0 <= in_all.1 {
+                        visit(self.targets[self.raster([x, y, z])]);
+                    }
+                }
+            }
         }
     }
 }
 
 /// Which pieces pass through the cells of a region.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Lists {
     first: usize,
-    /// Pieces of cell `first + c`: `pieces[c * capacity..][..lengths[c]]`.
-    pieces: Vec<u32>,
+    /// Entries of cell `first + c`: `entries[c * capacity..][..lengths[c]]`.
+    entries: Vec<Entry>,
     lengths: Vec<u32>,
+    /// How many entries of each cell have been tested against each other.
+    tested: Vec<u32>,
     capacity: usize,
 }
 
 impl Lists {
-    /// Empty lists for these cells, with room for `expected` pieces in each before they must grow.
-    pub fn new(cells: std::ops::Range<usize>, expected: usize) -> Self {
-        let capacity = expected.next_multiple_of(16).max(32);
-        Self {
-            first: cells.start,
-            pieces: vec![0; cells.len() * capacity],
-            lengths: vec![0; cells.len()],
-            capacity,
-        }
+    /// Makes these the empty lists of these cells, with room for `expected` entries in each before they must grow.
+    pub fn reset(&mut self, cells: std::ops::Range<usize>, expected: usize) {
+        self.first = cells.start;
+        self.capacity = self.capacity.max(expected.next_multiple_of(16)).max(32);
+        self.entries.resize(cells.len() * self.capacity, 0);
+        self.lengths.clear();
+        self.lengths.resize(cells.len(), 0);
+        self.tested.clear();
+        self.tested.resize(cells.len(), 0);
     }
 
     /// The cells that are listed here.
@@ -161,51 +307,67 @@ impl Lists {
         self.first..self.first + self.lengths.len()
     }
 
-    /// The pieces listed in a cell.
+    /// The entries of a cell.
     #[inline]
-    pub fn pieces(&self, cell: usize) -> &[u32] {
+    pub fn entries(&self, cell: usize) -> &[Entry] {
         let cell = cell - self.first;
-        &self.pieces[cell * self.capacity..][..self.lengths[cell] as usize]
+        &self.entries[cell * self.capacity..][..self.lengths[cell] as usize]
+    }
+
+    /// How many entries of a cell have been tested against each other.
+    #[inline]
+    pub fn tested(&self, cell: usize) -> usize {
+        self.tested[cell - self.first] as usize
+    }
+
+    /// Notes that all entries of a cell are tested against each other.
+    #[inline]
+    pub fn set_tested(&mut self, cell: usize) {
+        let cell = cell - self.first;
+        self.tested[cell] = self.lengths[cell];
     }
 
     /// Empties all lists.
     pub fn clear(&mut self) {
         self.lengths.fill(0);
+        self.tested.fill(0);
     }
 
-    /// Lists a piece in a cell.
+    /// Lists an entry in a cell. Gives whether it is the first since the cell's entries were tested.
     #[inline]
-    pub fn insert(&mut self, cell: usize, piece: u32) {
+    pub fn insert(&mut self, cell: usize, entry: Entry) -> bool {
         let cell = cell - self.first;
         let length = self.lengths[cell] as usize;
         if length == self.capacity {
             self.widen();
         }
-        self.pieces[cell * self.capacity + length] = piece;
+        self.entries[cell * self.capacity + length] = entry;
         self.lengths[cell] += 1;
+        self.tested[cell] as usize == length
     }
 
-    /// Doubles the room of every cell.
+    /// Enlarges the room of every cell.
     #[cold]
     fn widen(&mut self) {
-        let mut pieces = vec![0; 2 * self.pieces.len()];
+        let capacity = (self.capacity + self.capacity / 4).next_multiple_of(16);
+        let mut entries = vec![0; self.lengths.len() * capacity];
         for (from, to) in self
-            .pieces
+            .entries
             .chunks_exact(self.capacity)
-            .zip(pieces.chunks_exact_mut(2 * self.capacity))
+            .zip(entries.chunks_exact_mut(capacity))
         {
             to[..self.capacity].copy_from_slice(from);
         }
-        self.pieces = pieces;
-        self.capacity *= 2;
+        self.entries = entries;
+        self.capacity = capacity;
     }
 }
 
 /// The bits of three numbers below 1024, interleaved.
 fn morton(place: Place) -> u32 {
-    let spread = |number: u16| {
+    let spread = |number: i32| {
         (0..10).fold(0, |bits, bit| {
-            bits | (u32::from(number) >> bit & 1) << (3 * bit)
+            bits | (number.cast_unsigned() >> bit & 1) << (3 * bit)
         })
     };
     spread(place[0]) << 2 | spread(place[1]) << 1 | spread(place[2])
@@ -215,41 +377,52 @@ fn morton(place: Place) -> u32 {
 mod tests {
     use super::*;
 
-    #[test]
-    fn every_place_has_one_number_and_neighbours_are_near() {
-        let grid = Grid::new(DVec3::new(1.0, 1.5, 0.5), 0.25, 100_000);
-        assert_eq!(grid.cell_count(), 8 * 12 * 4);
+    fn on_way(grid: &Grid, from: [f64; 3], to: [f64; 3], radius: f64) -> Vec<u32> {
         let mut cells = Vec::new();
-        Range {
-            low: [0; 3],
-            high: [7, 11, 3],
-        }
-        .for_each(|place| cells.push(grid.cell(place)));
-        assert_eq!(cells[..2], [0, 1]);
+        grid.for_each_on_way(from.into(), to.into(), radius, |cell| cells.push(cell));
         cells.sort_unstable();
-        assert!(cells.into_iter().eq(0..grid.cell_count()));
-        assert_eq!(grid.cell_at(DVec3::new(-0.9, -1.4, -0.4)), 0);
-        assert_eq!(grid.cell_at(DVec3::splat(5.0)), grid.cell([7, 11, 3]));
+        cells
     }
 
     #[test]
-    fn a_path_reaches_the_cells_between_its_ends() {
-        let grid = Grid::new(DVec3::splat(1.0), 0.25, 100_000);
-        let range = grid.reach(DVec3::splat(-0.9), DVec3::new(-0.3, -0.9, -0.9), 0.06);
+    fn every_place_has_one_number_and_neighbours_are_near() {
+        let domain = Domain::container(DVec3::new(1.0, 1.5, 0.5));
+        let grid = Grid::new(&domain, 0.25, 100_000);
+        assert_eq!(grid.cell_count(), 8 * 12 * 4);
+        let mut cells = on_way(&grid, [-9.0, -9.0, -9.0], [9.0, 9.0, 9.0], 9.0);
+        assert!(cells.iter().copied().eq(0..grid.cell_count() as u32));
+        cells = on_way(&grid, [-0.9, -1.4, -0.2], [-0.9, -1.4, -0.4], 0.01);
+        assert_eq!(cells, [0, 1]);
+        assert_eq!(grid.target_at(DVec3::new(-0.9, -1.4, -0.4)), 0);
         assert_eq!(
-            range,
-            Range {
-                low: [0; 3],
-                high: [3, 0, 0]
-            }
+            grid.target_at(DVec3::splat(5.0)),
+            grid.target_at(DVec3::new(0.9, 1.4, 0.4))
         );
-        let range = grid.reach(DVec3::splat(5.0), DVec3::splat(-5.0), 0.0);
-        assert_eq!(
-            range,
-            Range {
-                low: [0; 3],
-                high: [7; 3]
-            }
-        );
+    }
+
+    #[test]
+    fn a_path_reaches_the_cells_that_it_touches_and_no_others() {
+        let grid = Grid::new(&Domain::container(DVec3::splat(1.0)), 0.25, 100_000);
+        // Along an axis, through four cells.
+        let cells = on_way(&grid, [-0.9, -0.9, -0.9], [-0.3, -0.9, -0.9], 0.06);
+        assert_eq!(cells.len(), 4);
+        // Past an edge: of the four cells around it, one is not touched.
+        let cells = on_way(&grid, [-0.95, -0.85, -0.9], [-0.65, -0.6, -0.9], 0.01);
+        assert_eq!(cells.len(), 3);
+    }
+
+    #[test]
+    fn in_a_periodic_box_a_ball_at_a_face_is_listed_as_an_image_at_the_other() {
+        let domain = Domain {
+            boundary: Boundary::Periodic,
+            ..Domain::container(DVec3::splat(1.0))
+        };
+        let grid = Grid::new(&domain, 0.25, 100_000);
+        let cells = on_way(&grid, [0.95, 0.1, 0.1], [0.97, 0.1, 0.1], 0.06);
+        assert_eq!(cells.len(), 2);
+        let opposite = grid.target_at(DVec3::new(-0.99, 0.1, 0.1));
+        assert_eq!(piece_of(cells[1]), opposite);
+        assert_eq!(steps_of(image_of(cells[1])), [-1, 0, 0]);
+        assert_eq!(grid.shift(image_of(cells[1])), DVec3::new(-2.0, 0.0, 0.0));
     }
 }

@@ -1,44 +1,129 @@
-//! Meetings of two pieces, or of a piece and a wall, and their order.
+//! Meetings of two pieces, or of a piece and what bounds the domain, and their order.
 
 use std::cmp::Ordering;
 
 use super::pieces::Id;
-use super::region::Shelves;
+use crate::event::{MAX_PLANE_COUNT, Wall};
 
-/// Numbers from here on are walls, not pieces.
-pub const AT_WALL: u32 = u32::MAX - 5;
+/// Numbers from here on are walls, faces and planes, not pieces.
+pub const AT_BOUNDARY: u32 = u32::MAX - FIRST_PLANE - MAX_PLANE_COUNT as u32;
 
-/// A meeting of two pieces, or of a piece and a wall.
-#[derive(Clone, Copy, Debug)]
+/// Walls and faces come first.
+const FIRST_PLANE: u32 = 6;
+
+/// What bounds the domain, met by one piece.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bound {
+    /// A wall of a container or a face of a periodic box.
+    Wall(Wall),
+    /// One of the domain's planes.
+    Plane(usize),
+}
+
+impl Bound {
+    /// Its number; walls before planes.
+    pub fn number(self) -> u32 {
+        match self {
+            Self::Wall(Wall { axis, upper }) => 2 * axis as u32 + u32::from(upper),
+            Self::Plane(index) => FIRST_PLANE + index as u32,
+        }
+    }
+
+    /// What has this number.
+    pub fn of(number: u32) -> Self {
+        if number < FIRST_PLANE {
+            Self::Wall(Wall {
+                axis: number as usize / 2,
+                upper: number % 2 == 1,
+            })
+        } else {
+            Self::Plane((number - FIRST_PLANE) as usize)
+        }
+    }
+}
+
+/// A meeting of two pieces, or of a piece and what bounds the domain.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Meeting {
     /// When, in epochs from the window's first epoch.
     pub time: f64,
-    /// The piece, or one of the two.
+    /// The piece; of two, that of the ball with the lower index.
     pub piece: Id,
-    /// The other piece; [`AT_WALL`] and the wall's number for a wall.
+    /// The other piece; [`AT_BOUNDARY`] and the number of a [`Bound`].
     pub other: Id,
     /// The pieces that follow, where they have been listed and tested already: `piece`'s and `other`'s.
     pub next: [Id; 2],
-    /// Orders meetings at one instant as all exact engines do.
+    /// The balls, the lower index first; or a ball and the number of a [`Bound`].
     pub rank: (u32, u32),
+    /// By how many boxes the lower ball is moved to touch the other.
+    pub image: [i8; 3],
 }
 
 impl Meeting {
-    /// By time; walls before pairs; lower balls first.
-    pub fn order(&self, other: &Self) -> Ordering {
-        let kind = |meeting: &Self| meeting.other < AT_WALL;
-        let ties = || (kind(self), self.rank).cmp(&(kind(other), other.rank));
-        self.time.total_cmp(&other.time).then_with(ties)
+    /// What bounds the domain, if that is met.
+    #[inline]
+    pub fn bound(&self) -> Option<Bound> {
+        self.other.checked_sub(AT_BOUNDARY).map(Bound::of)
     }
 
-    /// The two pieces, the one with the lower ball first.
-    pub fn in_order(&self, shelves: &Shelves) -> [Id; 2] {
-        if shelves.ball(self.piece) == self.rank.0 {
-            [self.piece, self.other]
-        } else {
-            [self.other, self.piece]
-        }
+    /// By time; walls and faces before planes before pairs; lower balls first: as all exact engines do.
+    #[inline]
+    pub fn order(&self, other: &Self) -> Ordering {
+        self.time
+            .total_cmp(&other.time)
+            .then_with(|| self.tie_order(other))
     }
+
+    #[cold]
+    fn tie_order(&self, other: &Self) -> Ordering {
+        let key = |meeting: &Self| {
+            let kind = match meeting.bound() {
+                Some(Bound::Wall(_)) => 0,
+                Some(Bound::Plane(_)) => 1,
+                None => 2,
+            };
+            (kind, meeting.rank, meeting.image)
+        };
+        key(self).cmp(&key(other))
+    }
+}
+
+/// Sorts meetings of a window that lasts from `begin` to `end`, the same epochs as the meetings' times.
+///
+/// They are spread evenly over the window but for chance, so a distribution into bins does most of the work.
+pub fn sort(meetings: &mut Vec<Meeting>, (begin, end): (f64, f64), spare: &mut Vec<Meeting>) {
+    let count = meetings.len();
+    if count < 64 {
+        meetings.sort_unstable_by(Meeting::order);
+        return;
+    }
+    let bins = count / 2;
+    let per_time = bins as f64 / (end - begin);
+    let bin = |meeting: &Meeting| (((meeting.time - begin) * per_time) as usize).min(bins - 1);
+    let mut places = vec![0_u32; bins + 1];
+    for meeting in meetings.iter() {
+        places[bin(meeting) + 1] += 1;
+    }
+    for bin in 0..bins {
+        places[bin + 1] += places[bin];
+    }
+    spare.clear();
+    spare.resize(count, Meeting::default());
+    for meeting in meetings.iter() {
+        let place = &mut places[bin(meeting)];
+        spare[*place as usize] = *meeting;
+        *place += 1;
+    }
+    // Each place is now where the next bin begins.
+    let mut first = 0;
+    for &end in &places[..bins] {
+        let bin = &mut spare[first..end as usize];
+        if bin.len() > 1 {
+            bin.sort_unstable_by(Meeting::order);
+        }
+        first = end as usize;
+    }
+    std::mem::swap(meetings, spare);
 }
 
 /// The earliest is the greatest: what a heap gives first.
@@ -61,3 +146,33 @@ impl PartialEq for Meeting {
 }
 
 impl Eq for Meeting {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_bounds_the_domain_has_numbers() {
+        for number in [0, 1, 4, 5, 6, 7, FIRST_PLANE + MAX_PLANE_COUNT as u32 - 1] {
+            assert_eq!(Bound::of(number).number(), number);
+        }
+    }
+
+    #[test]
+    fn bins_give_the_order_of_a_plain_sort() {
+        let mut word = 1_u64;
+        let meeting = |_| {
+            word = word.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(9);
+            Meeting {
+                time: (word >> 54) as f64 / 1024.0,
+                rank: ((word >> 20) as u32, 7),
+                ..Meeting::default()
+            }
+        };
+        let mut meetings: Vec<_> = (0..5000).map(meeting).collect();
+        let mut expected = meetings.clone();
+        expected.sort_by(Meeting::order);
+        sort(&mut meetings, (0.0, 1.0), &mut Vec::new());
+        assert!(meetings.iter().eq(&expected));
+    }
+}

@@ -1,9 +1,11 @@
 //! Pieces of trajectory: what a ball's path in a window is made of, and the numbers that name them.
 //!
-//! Flights are the paths with which the balls enter the window. First pieces follow their wall hits. Fresh pieces follow pair
-//! collisions, foreseen or carried out. Each region of cells keeps its own, so that threads can add to them side by side.
+//! Flights are the paths with which the balls enter the window; the exact ones are in the state, by ball. First pieces follow
+//! their hits of walls and the like. Fresh pieces follow pair collisions foreseen by the region's own search, later ones those
+//! found after the regions' exchange and during the commits. Each region keeps its own, so that threads add side by side.
 
-use super::filter::Start;
+use glam::DVec3;
+
 use crate::state::Trajectory;
 
 /// The number of a piece.
@@ -13,110 +15,190 @@ pub type Id = u32;
 pub const NONE: Id = Id::MAX;
 
 /// Most regions.
-pub const MOST_REGIONS: usize = 1 << REGION_BITS;
+pub const MOST_REGIONS: usize = 64;
 
 /// Most balls.
-pub const MOST_BALLS: usize = 1 << KIND_SHIFT;
+pub const MOST_BALLS: usize = 1 << 25;
 
-const REGION_BITS: u32 = 6;
-const KIND_SHIFT: u32 = 30;
+/// Numbers from this bit on are pieces other than flights: the next bits are their kind.
+const PIECE_BIT: u32 = 26;
+const KIND_SHIFT: u32 = 24;
+
+/// First pieces: which of the three kinds of pieces that are no flights.
+pub const FIRST: usize = 0;
+/// Fresh pieces.
+pub const FRESH: usize = 1;
+/// Later pieces.
+pub const LATER: usize = 2;
 
 /// What a number names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Piece {
     /// The flight of this index.
     Flight(usize),
-    /// A first piece: its region, and its place there.
-    First(usize, usize),
-    /// A fresh piece: its region, and its place there.
-    Fresh(usize, usize),
+    /// A piece of a kind, of a region: its place there.
+    Other(usize, usize, usize),
 }
 
-impl Piece {
-    /// What a number names.
-    #[inline]
-    pub fn of(id: Id) -> Self {
-        let index = (id & ((1 << KIND_SHIFT) - 1)) as usize;
-        let (region, place) = (index % MOST_REGIONS, index / MOST_REGIONS);
-        match id >> KIND_SHIFT {
-            0 => Self::Flight(index),
-            1 => Self::First(region, place),
-            _ => Self::Fresh(region, place),
+/// How pieces are numbered: the low bits of those that are no flights say whose they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Numbering {
+    region_bits: u32,
+}
+
+impl Numbering {
+    /// For so many regions.
+    pub fn new(regions: usize) -> Self {
+        Self {
+            region_bits: regions.next_power_of_two().trailing_zeros(),
         }
     }
 
-    /// The number that names it.
+    /// What a number names.
+    #[inline(always)]
+    pub fn piece(self, id: Id) -> Piece {
+        if id < 1 << PIECE_BIT {
+            return Piece::Flight(id as usize);
+        }
+        let kind = (id >> KIND_SHIFT & 3) as usize;
+        let index = id & ((1 << KIND_SHIFT) - 1);
+        let region = index & ((1 << self.region_bits) - 1);
+        Piece::Other(kind, region as usize, (index >> self.region_bits) as usize)
+    }
+
+    /// The number of a piece that is no flight.
+    ///
+    /// # Panics
+    /// If a region has more pieces than there are numbers: a window is too short for that.
     #[inline]
-    pub fn id(self) -> Id {
-        let numbered = |kind: u32, region: usize, place: usize| {
-            let index = place * MOST_REGIONS + region;
-            assert!(
-                index < 1 << KIND_SHIFT,
-                "a window is short enough that its pieces can be numbered"
-            );
-            kind << KIND_SHIFT | index as u32
-        };
-        match self {
-            Self::Flight(index) => index as u32,
-            Self::First(region, place) => numbered(1, region, place),
-            Self::Fresh(region, place) => numbered(2, region, place),
+    pub fn id(self, kind: usize, region: usize, place: usize) -> Id {
+        let index = place << self.region_bits | region;
+        assert!(
+            index < 1 << KIND_SHIFT,
+            "a window is short enough that its pieces can be numbered"
+        );
+        1 << PIECE_BIT | (kind as u32) << KIND_SHIFT | index as u32
+    }
+}
+
+/// A piece as the filter sees it, in f32: the straight line it lies on.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub struct Line {
+    /// Where it is at the beginning of the window, if need be drawn back to it: in grid lengths from the box's lower corner.
+    pub position: [f32; 3],
+    /// Its velocity, in grid lengths per window.
+    pub velocity: [f32; 3],
+    /// The ball it belongs to.
+    pub ball: u32,
+    /// For a flight, the piece along which the ball goes on, [`NONE`] as long as it is the flight itself; for the other pieces
+    /// the flight they follow.
+    pub link: Id,
+}
+
+impl Line {
+    /// From a position at the beginning of the window and a velocity, both in the grid's lengths.
+    #[inline]
+    pub fn new(position: DVec3, velocity: DVec3, ball: u32, link: Id) -> Self {
+        Self {
+            position: position.as_vec3().to_array(),
+            velocity: velocity.as_vec3().to_array(),
+            ball,
+            link,
         }
     }
+
+    /// Largest component of the velocity.
+    #[inline(always)]
+    pub fn speed(&self) -> f32 {
+        let [x, y, z] = self.velocity.map(f32::abs);
+        x.max(y).max(z)
+    }
+}
+
+/// Where a piece comes from.
+#[derive(Clone, Copy, Debug)]
+pub struct Origin {
+    /// The two pieces at whose meeting it began, which it cannot meet again.
+    pub parents: [Id; 2],
+    /// How many collisions were foreseen on the way to it.
+    pub generation: u32,
+}
+
+impl Origin {
+    /// That of a flight and of what follows its hits of walls and the like.
+    pub const FLIGHT: Self = Self {
+        parents: [NONE; 2],
+        generation: 0,
+    };
 }
 
 /// The pieces of a region, as columns.
 #[derive(Clone, Debug, Default)]
 pub struct Pieces {
+    /// As the filter sees them.
+    pub lines: Vec<Line>,
     /// The pieces themselves.
     pub trajectories: Vec<Trajectory>,
-    /// Where each would be at the window's beginning.
-    pub starts: Vec<Start>,
-    /// The flight each belongs to.
-    pub owners: Vec<u32>,
-    /// The two pieces whose meeting each began at, which it cannot meet again.
-    pub parents: Vec<[Id; 2]>,
+    /// Where they come from.
+    pub origins: Vec<Origin>,
+    /// When each first meets another piece, as far as is known, in epochs from the window's first epoch.
+    pub first_meetings: Vec<f64>,
 }
 
 impl Pieces {
     /// Adds a piece; gives its place.
-    pub fn push(
-        &mut self,
-        trajectory: Trajectory,
-        start: Start,
-        owner: u32,
-        parents: [Id; 2],
-    ) -> usize {
+    #[inline]
+    pub fn push(&mut self, trajectory: Trajectory, line: Line, origin: Origin) -> usize {
+        self.lines.push(line);
         self.trajectories.push(trajectory);
-        self.starts.push(start);
-        self.owners.push(owner);
-        self.parents.push(parents);
-        self.owners.len() - 1
+        self.origins.push(origin);
+        self.first_meetings.push(f64::INFINITY);
+        self.lines.len() - 1
     }
 
     /// Forgets all pieces.
     pub fn clear(&mut self) {
+        self.lines.clear();
         self.trajectories.clear();
-        self.starts.clear();
-        self.owners.clear();
-        self.parents.clear();
+        self.origins.clear();
+        self.first_meetings.clear();
+    }
+}
+
+/// The pieces along which balls left the last window: their lines, by kind and region.
+#[derive(Clone, Debug, Default)]
+pub struct Past(pub [Vec<Vec<Line>>; 3]);
+
+impl Past {
+    /// The line of a piece that is no flight.
+    #[inline]
+    pub fn line(&self, numbering: Numbering, id: Id) -> &Line {
+        let Piece::Other(kind, region, place) = numbering.piece(id) else {
+            unreachable!("a ball leaves its flight along another piece")
+        };
+        &self.0[kind][region][place]
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::grid::IMAGE_SHIFT;
     use super::*;
 
     #[test]
     fn every_piece_has_its_own_number() {
-        for piece in [
-            Piece::Flight(0),
-            Piece::Flight(MOST_BALLS - 1),
-            Piece::First(0, 0),
-            Piece::First(63, 1_000_000),
-            Piece::Fresh(0, 0),
-            Piece::Fresh(63, 16_000_000),
-        ] {
-            assert_eq!(Piece::of(piece.id()), piece);
+        for (regions, region, most) in [(1, 0, 16_000_000), (3, 2, 4_000_000), (64, 63, 260_000)] {
+            let numbering = Numbering::new(regions);
+            for kind in [FIRST, FRESH, LATER] {
+                for place in [0, most] {
+                    let id = numbering.id(kind, region, place);
+                    assert_eq!(numbering.piece(id), Piece::Other(kind, region, place));
+                    assert!(id < 1 << IMAGE_SHIFT);
+                }
+            }
         }
+        let last = MOST_BALLS - 1;
+        assert_eq!(Numbering::new(2).piece(last as Id), Piece::Flight(last));
     }
 }

@@ -1,4 +1,4 @@
-//! A stretch of cells along the curve and the balls in it: what one thread lists and searches.
+//! A stretch of cells along the curve and the flights in it: what one thread lists and searches.
 //!
 //! Threads share what is fixed in a phase and own their region; what concerns another region's cells goes into an outbox that
 //! is delivered between the phases. How many regions there are changes no meeting.
@@ -6,276 +6,146 @@
 use std::ops::Range;
 
 use glam::DVec3;
+use pulp::Arch;
 
-use super::filter::{Filter, Start};
-use super::grid::{Grid, Lists};
-use super::meeting::{AT_WALL, Meeting};
-use super::pieces::{Id, NONE, Piece, Pieces};
-use crate::collision::{pair_time, wall_time};
+use super::filter::{Filter, Margins, relative};
+use super::grid::{Entry, Lists, image_of, piece_of, steps_of};
+use super::listing::{Flights, Listing};
+use super::meeting::{self, Meeting};
+use super::paths::Gas;
+use super::pieces::{FIRST, Id, Line, NONE, Origin, Piece, Pieces};
+use crate::collision::{image_pair_time, pair_time};
 use crate::engine::contact;
-use crate::event::Wall;
-use crate::state::{Body, State, Time, Trajectory};
+use crate::state::Trajectory;
 
-/// A window of time, ends included.
-#[derive(Clone, Copy, Debug)]
-pub struct Window {
-    /// When it begins.
-    pub begin: Time,
-    /// When it ends.
-    pub end: Time,
-}
+/// Cells that are searched before what they brought about is followed up.
+const CELLS_AT_ONCE: usize = 64;
 
-impl Window {
-    /// The instant that lies `time` epochs after the beginning of the window's first epoch.
-    pub fn instant(self, time: f64) -> Time {
-        let whole = time as u64;
-        Time {
-            epoch: self.begin.epoch + whole,
-            local: time - whole as f64,
-        }
-    }
+/// Collisions that may follow one another and be foreseen; the others wait until their turn comes.
+const MOST_GENERATIONS: u32 = 3;
 
-    /// Where a piece's path in the window begins and ends; `hit` is when it reaches a wall.
-    fn path(self, trajectory: &Trajectory, hit: Option<Time>) -> (DVec3, DVec3) {
-        let from = if trajectory.begin > self.begin {
-            trajectory.begin
-        } else {
-            self.begin
-        };
-        (
-            trajectory.position_at(from),
-            trajectory.position_at(hit.unwrap_or(self.end)),
-        )
-    }
-
-    /// Where a piece would be at the window's beginning.
-    fn start(self, trajectory: &Trajectory) -> Start {
-        Start::new(trajectory.position_at(self.begin), trajectory.velocity)
-    }
-}
-
-/// A piece and a cell that it passes.
-pub type Passage = (Id, u32);
-
-/// What all threads read while they list.
-#[derive(Clone, Copy)]
-pub struct Gas<'a> {
-    /// Bodies and domain.
-    pub state: &'a State,
-    /// The cells.
-    pub grid: &'a Grid,
-    /// The flights with which the balls enter the window, and whose they are.
-    pub flights: &'a [Trajectory],
-    pub balls: &'a [u32],
-    /// The window.
-    pub window: Window,
-}
-
-impl Gas<'_> {
-    fn body(&self, owner: u32) -> Body {
-        self.state.bodies.of(self.balls[owner as usize] as usize)
-    }
-
-    /// The first wall that a piece reaches in the window.
-    fn next_wall(&self, trajectory: &Trajectory, body: Body) -> Option<(Time, Wall)> {
-        let mut hit: Option<(Time, Wall)> = None;
-        for axis in 0..3 {
-            let speed = trajectory.velocity[axis];
-            let limit = (self.state.domain.half_size[axis] - body.radius).copysign(speed);
-            if let Some(time) = wall_time(trajectory, axis, limit)
-                && time <= self.window.end
-                && hit.is_none_or(|(earliest, _)| time < earliest)
-            {
-                hit = Some((
-                    time,
-                    Wall {
-                        axis,
-                        upper: speed > 0.0,
-                    },
-                ));
-            }
-        }
-        hit
-    }
-
-    /// Follows a piece through its wall hits to the end of the window: `pass` gets each piece's number with each of its cells,
-    /// `hit` each wall hit, `add` numbers each further piece.
-    pub fn trace(
-        &self,
-        id: Id,
-        trajectory: Trajectory,
-        owner: u32,
-        mut add: impl FnMut(Trajectory, Start) -> Id,
-        mut pass: impl FnMut(usize, Id),
-        mut hit: impl FnMut(Meeting),
-    ) {
-        let body = self.body(owner);
-        let (mut id, mut trajectory) = (id, trajectory);
-        loop {
-            let wall = self.next_wall(&trajectory, body);
-            let (from, to) = self.window.path(&trajectory, wall.map(|(time, _)| time));
-            self.grid
-                .reach(from, to, body.radius)
-                .for_each(|place| pass(self.grid.cell(place), id));
-            let Some((time, wall)) = wall else { return };
-            let ball = self.balls[owner as usize];
-            let limit = self.state.domain.half_size[wall.axis] - body.radius;
-            let (after, _) = contact::wall(ball, trajectory, body, wall, limit, time);
-            let next = add(after, self.window.start(&after));
-            let number = 2 * wall.axis as u32 + u32::from(wall.upper);
-            hit(Meeting {
-                time: time.relative_to(self.window.begin.epoch),
-                piece: id,
-                other: AT_WALL + number,
-                next: [next, NONE],
-                rank: (ball, number),
-            });
-            (id, trajectory) = (next, after);
-        }
-    }
-}
+/// An entry that belongs into another region's cell.
+pub type Passage = (Entry, u32);
 
 /// Where pieces are found by their numbers.
 #[derive(Clone, Copy)]
 pub struct Shelves<'a> {
-    /// The flights and what all threads read.
+    /// What all threads read.
     pub gas: Gas<'a>,
-    /// The flights' starts.
-    pub starts: &'a [Start],
-    /// First pieces, by region.
-    pub firsts: &'a [Pieces],
-    /// Fresh pieces.
-    pub fresh: Fresh<'a>,
+    /// The flights.
+    pub lines: &'a [Line],
+    /// The other pieces, by kind and region.
+    pub kinds: [&'a [Pieces]; 3],
 }
 
-/// Which fresh pieces are in sight.
+/// Where pieces are found while one region adds to its own.
 #[derive(Clone, Copy)]
-pub enum Fresh<'a> {
-    /// Those of one region; no other's are listed there yet.
-    Of(&'a Pieces),
-    /// Those of all regions.
-    In(&'a [Region]),
+struct View<'a> {
+    shelves: &'a Shelves<'a>,
+    /// Those of the region's own, and their kind.
+    own: Option<(usize, &'a Pieces)>,
 }
 
-impl<'a> Shelves<'a> {
-    #[inline]
-    fn fresh(&self, region: usize) -> &'a Pieces {
-        match self.fresh {
-            Fresh::Of(pieces) => pieces,
-            Fresh::In(regions) => &regions[region].fresh,
+impl<'a> View<'a> {
+    #[inline(always)]
+    fn pieces(&self, kind: usize, region: usize) -> &'a Pieces {
+        match self.own {
+            Some((own, pieces)) if own == kind => pieces,
+            _ => &self.shelves.kinds[kind][region],
         }
     }
 
-    /// A piece.
-    #[inline]
-    pub fn trajectory(&self, id: Id) -> &'a Trajectory {
-        match Piece::of(id) {
-            Piece::Flight(flight) => &self.gas.flights[flight],
-            Piece::First(region, place) => &self.firsts[region].trajectories[place],
-            Piece::Fresh(region, place) => &self.fresh(region).trajectories[place],
+    #[inline(always)]
+    fn line(&self, id: Id) -> &'a Line {
+        match self.shelves.gas.numbering.piece(id) {
+            Piece::Flight(flight) => &self.shelves.lines[flight],
+            Piece::Other(kind, region, place) => &self.pieces(kind, region).lines[place],
         }
     }
 
-    #[inline]
-    fn start(&self, id: Id) -> &'a Start {
-        match Piece::of(id) {
-            Piece::Flight(flight) => &self.starts[flight],
-            Piece::First(region, place) => &self.firsts[region].starts[place],
-            Piece::Fresh(region, place) => &self.fresh(region).starts[place],
+    /// A piece that belongs to a ball.
+    #[inline(always)]
+    fn trajectory(&self, id: Id, ball: u32) -> &'a Trajectory {
+        match self.shelves.gas.numbering.piece(id) {
+            Piece::Flight(_) => &self.shelves.gas.state.trajectories[ball as usize],
+            Piece::Other(kind, region, place) => &self.pieces(kind, region).trajectories[place],
         }
     }
 
-    /// The flight that a piece belongs to.
-    #[inline]
-    pub fn owner(&self, id: Id) -> u32 {
-        match Piece::of(id) {
-            Piece::Flight(flight) => flight as u32,
-            Piece::First(region, place) => self.firsts[region].owners[place],
-            Piece::Fresh(region, place) => self.fresh(region).owners[place],
+    #[inline(always)]
+    fn origin(&self, id: Id) -> Origin {
+        match self.shelves.gas.numbering.piece(id) {
+            Piece::Flight(_) | Piece::Other(FIRST, ..) => Origin::FLIGHT,
+            Piece::Other(kind, region, place) => self.pieces(kind, region).origins[place],
         }
     }
 
-    fn parents(&self, id: Id) -> [Id; 2] {
-        match Piece::of(id) {
-            Piece::Flight(_) | Piece::First(..) => [NONE; 2],
-            Piece::Fresh(region, place) => self.fresh(region).parents[place],
+    fn owner(&self, id: Id) -> Id {
+        match self.shelves.gas.numbering.piece(id) {
+            Piece::Flight(_) => id,
+            Piece::Other(..) => self.line(id).link,
         }
     }
+}
 
-    /// The ball that a piece belongs to.
-    pub fn ball(&self, id: Id) -> u32 {
-        self.gas.balls[self.owner(id) as usize]
-    }
+/// Two pieces that may meet in a cell, the one of the lower ball first.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    entries: [Entry; 2],
+    balls: [u32; 2],
+    cell: u32,
+    generation: u32,
+}
 
-    fn radius(&self, id: Id) -> f64 {
-        self.gas.body(self.owner(id)).radius
-    }
-
+impl Candidate {
     /// The meeting of two pieces in the window, if they meet in this cell.
-    fn meeting(&self, piece: Id, other: Id, cell: usize) -> Option<Meeting> {
-        let balls = [self.ball(piece), self.ball(other)];
-        if balls[0] == balls[1]
-            || self.parents(piece).contains(&other)
-            || self.parents(other).contains(&piece)
-        {
-            return None;
+    #[inline]
+    fn meeting(&self, gas: &Gas, pair: &[Trajectory; 2]) -> Option<Meeting> {
+        let bodies = self.balls.map(|ball| gas.body(ball));
+        let [radius, other_radius] = bodies.map(|body| body.radius);
+        let contact = radius + other_radius;
+        let (image, shift) = self.image(gas);
+        let time = if image == [0; 3] {
+            pair_time(&pair[0], &pair[1], contact)
+        } else {
+            image_pair_time(&pair[0], &pair[1], contact, shift)
         }
-        let window = self.gas.window;
-        let radii = [self.radius(piece), self.radius(other)];
-        let pair = [self.trajectory(piece), self.trajectory(other)];
-        let time =
-            pair_time(pair[0], pair[1], radii[0] + radii[1]).filter(|&time| time <= window.end)?;
+        .filter(|&time| time <= gas.window.end)?;
         // Only the cell that holds the contact point counts the meeting: both are listed there.
-        let places = pair.map(|trajectory| trajectory.position_at(time));
-        let contact = places[0] + (places[1] - places[0]) * (radii[0] / (radii[0] + radii[1]));
-        (self.gas.grid.cell_at(contact) == cell).then(|| Meeting {
-            time: time.relative_to(window.begin.epoch),
-            piece,
-            other,
+        let place = pair[0].position_at(time);
+        let other = pair[1].position_at(time) - shift;
+        let point = place + (other - place) * (radius / contact);
+        let here = self.cell | (self.entries[0] - piece_of(self.entries[0]));
+        (gas.grid.target_at(point) == here).then(|| Meeting {
+            time: time.relative_to(gas.window.begin.epoch),
+            piece: piece_of(self.entries[0]),
+            other: piece_of(self.entries[1]),
             next: [NONE; 2],
-            rank: (balls[0].min(balls[1]), balls[0].max(balls[1])),
+            rank: (self.balls[0], self.balls[1]),
+            image,
         })
     }
-}
 
-/// A filter and what it has let through.
-#[derive(Clone, Debug, Default)]
-pub struct Lookout {
-    filter: Filter,
-    hits: Vec<(u32, u32)>,
-}
-
-impl Lookout {
-    /// Begins a window.
-    pub fn begin_window(&mut self, contact: f64, extent: f64) {
-        self.filter.begin_window(contact, extent);
-    }
-
-    /// Finds the meetings of a piece that has just been listed in a cell with those listed there before it.
-    pub fn look(
-        &mut self,
-        shelves: &Shelves,
-        lists: &Lists,
-        (piece, cell): Passage,
-        found: &mut Vec<Meeting>,
-    ) {
-        let listed = lists.pieces(cell as usize);
-        let row = listed
-            .iter()
-            .rposition(|&other| other == piece)
-            .expect("the piece has just been listed here");
-        self.filter
-            .begin_cell(row + 1, listed[..=row].iter().map(|&id| shelves.start(id)));
-        self.hits.clear();
-        self.filter.find(row, &mut self.hits);
-        for &(_, other) in &self.hits {
-            found.extend(shelves.meeting(piece, listed[other as usize], cell as usize));
+    /// By how many boxes the first ball is moved to touch the second, and by what length.
+    #[inline]
+    fn image(&self, gas: &Gas) -> ([i8; 3], DVec3) {
+        let images = self.entries.map(image_of);
+        if images == [0, 0] {
+            return ([0; 3], DVec3::ZERO);
         }
+        let [first, second] = images.map(steps_of);
+        let image = std::array::from_fn(|axis| first[axis] - second[axis]);
+        (image, shift_by(gas, image))
     }
+}
+
+/// What so many steps by whole boxes add to a position.
+pub fn shift_by(gas: &Gas, image: [i8; 3]) -> DVec3 {
+    DVec3::from_array(image.map(f64::from)) * gas.state.domain.period()
 }
 
 /// What one thread lists and searches.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Region {
     /// Which region this is.
     pub number: usize,
@@ -283,249 +153,322 @@ pub struct Region {
     pub flights: Range<usize>,
     /// What passes its cells.
     pub lists: Lists,
-    /// Pieces that follow pair collisions foreseen or carried out here.
-    pub fresh: Pieces,
     /// Meetings found here.
     pub meetings: Vec<Meeting>,
-    /// Largest component of its flights' velocities.
-    pub fastest: f64,
     /// Passages through other regions' cells.
     pub outbox: Vec<Passage>,
     filter: Filter,
-    lookout: Lookout,
-    hits: Vec<(u32, u32)>,
-    passages: Vec<Passage>,
+    pairs: Vec<(u32, u32)>,
+    candidates: Vec<Candidate>,
+    loaded: Vec<[Trajectory; 2]>,
+    aside: Vec<u32>,
+    aside_loaded: Vec<Trajectory>,
+    /// Cells before this one have been searched.
+    searched: usize,
+    /// Those of them in which something has been listed since.
+    pending: Vec<u32>,
+    spare: Vec<Meeting>,
+}
+
+/// The pieces that a region adds in a phase, with their kind.
+type Own<'p> = (usize, &'p mut Pieces);
+
+/// Notes a meeting at the region's own pieces; gives whether it is the first so far of each of them. One that is not will hardly
+/// come about, so what would follow is not worth foreseeing.
+fn is_first(gas: &Gas, ids: [Id; 2], time: f64, (kind, pieces): (usize, &mut Pieces)) -> bool {
+    let mut first = true;
+    for id in ids {
+        if let Piece::Other(of, _, place) = gas.numbering.piece(id)
+            && of == kind
+        {
+            let earliest = &mut pieces.first_meetings[place];
+            first &= time < *earliest;
+            *earliest = earliest.min(time);
+        }
+    }
+    first
 }
 
 impl Region {
-    /// A region of these cells and flights.
-    pub fn new(number: usize, cells: Range<usize>, flights: Range<usize>) -> Self {
-        let expected = 4 * flights.len() / cells.len().max(1);
-        Self {
-            number,
-            flights,
-            lists: Lists::new(cells, expected),
-            fresh: Pieces::default(),
-            meetings: Vec::new(),
-            fastest: 0.0,
-            outbox: Vec::new(),
-            filter: Filter::default(),
-            lookout: Lookout::default(),
-            hits: Vec::new(),
-            passages: Vec::new(),
-        }
+    /// Makes this the region of these cells and flights.
+    pub fn reset(&mut self, number: usize, cells: Range<usize>, flights: Range<usize>) {
+        let expected = 5 * flights.len() / (2 * cells.len().max(1));
+        self.number = number;
+        self.flights = flights;
+        self.lists.reset(cells, expected);
     }
 
-    /// Lists the region's flights and those that follow their wall hits. `starts` are those of its flights.
-    pub fn list(&mut self, gas: Gas, starts: &mut [Start], firsts: &mut Pieces) {
+    /// Largest component of the velocity of any piece that was seen or added.
+    pub fn fastest(&self) -> f32 {
+        self.filter.fastest()
+    }
+
+    /// Moves the region's flights on to the window's beginning and lists them and the pieces that follow where they meet what
+    /// bounds the domain.
+    pub fn list(&mut self, gas: Gas, flights: Flights, margins: Margins, firsts: &mut Pieces) {
         self.lists.clear();
-        self.fresh.clear();
         self.meetings.clear();
         self.outbox.clear();
-        firsts.clear();
-        let cells = self.lists.cells();
-        let half_size = gas.state.domain.half_size;
-        let (number, lists, outbox, meetings) = (
-            self.number,
-            &mut self.lists,
-            &mut self.outbox,
-            &mut self.meetings,
-        );
-        let mut pass = |cell: usize, id: Id| {
-            if cells.contains(&cell) {
-                lists.insert(cell, id);
-            } else {
-                outbox.push((id, cell as u32));
-            }
-        };
-        self.fastest = 0.0;
-        for (flight, start) in self.flights.clone().zip(starts) {
-            let trajectory = gas.flights[flight];
-            self.fastest = self.fastest.max(trajectory.velocity.abs().max_element());
-            let (from, to) = gas.window.path(&trajectory, None);
-            *start = Start::new(from, trajectory.velocity);
-            let radius = gas.body(flight as u32).radius;
-            if to.abs().cmpge(half_size - radius).any() {
-                let add = |after, start| {
-                    Piece::First(number, firsts.push(after, start, flight as u32, [NONE; 2])).id()
-                };
-                gas.trace(
-                    flight as u32,
-                    trajectory,
-                    flight as u32,
-                    add,
-                    &mut pass,
-                    |meeting| meetings.push(meeting),
-                );
-            } else {
-                gas.grid
-                    .reach(from, to, radius)
-                    .for_each(|place| pass(gas.grid.cell(place), flight as u32));
-            }
-        }
-    }
-
-    /// Finds the meetings in the region's cells, after the others' `mail` has been listed. `contact` is the largest contact
-    /// distance, `extent` bounds all coordinates.
-    pub fn find(
-        &mut self,
-        gas: Gas,
-        starts: &[Start],
-        firsts: &[Pieces],
-        mail: &[Vec<Passage>],
-        (contact, extent): (f64, f64),
-    ) {
-        self.outbox.clear();
-        let cells = self.lists.cells();
-        for &(id, cell) in mail
-            .iter()
-            .flatten()
-            .filter(|(_, cell)| cells.contains(&(*cell as usize)))
-        {
-            self.lists.insert(cell as usize, id);
-        }
-        let mut filter = std::mem::take(&mut self.filter);
-        let mut hits = std::mem::take(&mut self.hits);
-        filter.begin_window(contact, extent);
-        self.lookout.begin_window(contact, extent);
-        for cell in cells {
-            let shelves = self.shelves(gas, starts, firsts);
-            let listed = self.lists.pieces(cell);
-            filter.begin_cell(listed.len(), listed.iter().map(|&id| shelves.start(id)));
-            hits.clear();
-            filter.find(1, &mut hits);
-            let mut next = 0;
-            while let Some(&(row, other)) = hits.get(next) {
-                next += 1;
-                let pair = [row, other].map(|row| self.lists.pieces(cell)[row as usize]);
-                let shelves = self.shelves(gas, starts, firsts);
-                let Some(mut meeting) = shelves.meeting(pair[0], pair[1], cell) else {
-                    continue;
-                };
-                if pair
-                    .iter()
-                    .all(|&id| !matches!(Piece::of(id), Piece::Fresh(..)))
-                {
-                    meeting.next = self.foresee(&meeting, cell, gas, starts, firsts);
-                    // What follows in this cell joins its rows.
-                    let shelves = self.shelves(gas, starts, firsts);
-                    let first = filter.len();
-                    self.lists.pieces(cell)[first..]
-                        .iter()
-                        .for_each(|&id| filter.push(shelves.start(id)));
-                    filter.find(first, &mut hits);
-                }
-                self.meetings.push(meeting);
-            }
-        }
-        self.meetings.sort_unstable_by(Meeting::order);
-        (self.filter, self.hits) = (filter, hits);
-    }
-
-    fn shelves<'a>(
-        &'a self,
-        gas: Gas<'a>,
-        starts: &'a [Start],
-        firsts: &'a [Pieces],
-    ) -> Shelves<'a> {
-        Shelves {
+        self.aside.clear();
+        self.searched = 0;
+        self.filter.begin_window(margins);
+        let lines = Listing {
             gas,
-            starts,
-            firsts,
-            fresh: Fresh::Of(&self.fresh),
+            first: self.flights.start,
+            flights,
+            lists: &mut self.lists,
+            outbox: &mut self.outbox,
+            aside: &mut self.aside,
         }
+        .run(Arch::new());
+        let first = self.flights.start;
+        let ball = |flight: u32| lines[flight as usize - first].ball;
+        // Loaded on their own, that the memory can be asked for several at a time.
+        let flight = |&flight: &u32| gas.state.trajectories[ball(flight) as usize];
+        self.aside_loaded.clear();
+        self.aside_loaded.extend(self.aside.iter().map(flight));
+        let aside = std::mem::take(&mut self.aside);
+        for (&flight, index) in aside.iter().zip(0..) {
+            let trajectory = self.aside_loaded[index];
+            self.trace(gas, flight, trajectory, ball(flight), |number, after| {
+                let place = firsts.push(
+                    *after,
+                    gas.line(after, ball(flight), flight),
+                    Origin::FLIGHT,
+                );
+                gas.numbering.id(FIRST, number, place)
+            });
+        }
+        self.aside = aside;
     }
 
-    /// Lists the pieces that will follow a meeting if it comes about, while its surroundings are at hand. Cells up to the
-    /// present one have been looked through, so what is listed there is tested now; the others will see it when their turn
-    /// comes. Gives the pieces after the meeting's `piece` and `other`.
-    fn foresee(
+    /// Lists a piece and those that follow it; `add` numbers these.
+    fn trace(
         &mut self,
-        meeting: &Meeting,
-        cell: usize,
         gas: Gas,
-        starts: &[Start],
-        firsts: &[Pieces],
-    ) -> [Id; 2] {
-        let shelves = self.shelves(gas, starts, firsts);
-        let pair = meeting.in_order(&shelves);
-        let owners = pair.map(|id| shelves.owner(id));
-        let before = pair.map(|id| *shelves.trajectory(id));
-        let balls = owners.map(|owner| gas.balls[owner as usize]);
-        let time = gas.window.instant(meeting.time);
-        let (after, _) = contact::pair(
-            balls,
-            before,
-            owners.map(|owner| gas.body(owner)),
-            DVec3::ZERO,
-            time,
-        );
-        let mut next = [NONE; 2];
-        for one in [0, 1] {
-            let passages = self.add(after[one], owners[one], pair, gas);
-            next[usize::from(pair[one] != meeting.piece)] = passages.0;
-            for (id, place) in passages.1 {
-                if (place as usize) < cell {
-                    let Self {
-                        lists,
-                        fresh,
-                        lookout,
-                        meetings,
-                        ..
-                    } = self;
-                    let shelves = Shelves {
-                        gas,
-                        starts,
-                        firsts,
-                        fresh: Fresh::Of(fresh),
-                    };
-                    lookout.look(&shelves, lists, (id, place), meetings);
-                }
-            }
-        }
-        next
-    }
-
-    /// Adds a fresh piece and those that follow its wall hits, lists them in the region's cells and puts their passages through
-    /// others into the outbox. Gives the piece, and the passages through this region's cells.
-    fn add(
-        &mut self,
+        id: Id,
         trajectory: Trajectory,
-        owner: u32,
-        parents: [Id; 2],
-        gas: Gas,
-    ) -> (Id, Vec<Passage>) {
+        ball: u32,
+        mut add: impl FnMut(usize, &Trajectory) -> Id,
+    ) {
         let Self {
             number,
             lists,
-            fresh,
-            meetings,
             outbox,
-            passages,
+            meetings,
+            pending,
+            searched,
             ..
         } = self;
         let cells = lists.cells();
-        passages.clear();
-        let id = Piece::Fresh(
-            *number,
-            fresh.push(trajectory, gas.window.start(&trajectory), owner, parents),
-        )
-        .id();
         gas.trace(
             id,
             trajectory,
-            owner,
-            |after, start| Piece::Fresh(*number, fresh.push(after, start, owner, [NONE; 2])).id(),
-            |cell, id| {
-                if cells.contains(&cell) {
-                    lists.insert(cell, id);
-                    passages.push((id, cell as u32));
-                } else {
-                    outbox.push((id, cell as u32));
+            ball,
+            |after| add(*number, after),
+            |target, id| {
+                let cell = piece_of(target) as usize;
+                let entry = id | (target - piece_of(target));
+                if !cells.contains(&cell) {
+                    outbox.push((entry, cell as u32));
+                } else if lists.insert(cell, entry) && cell < *searched {
+                    pending.push(cell as u32);
                 }
             },
             |meeting| meetings.push(meeting),
         );
-        (id, passages.clone())
+    }
+
+    /// Lists what the others' outboxes hold for this region's cells.
+    fn deliver<'m>(&mut self, shelves: &Shelves, mail: impl IntoIterator<Item = &'m Passage>) {
+        let cells = self.lists.cells();
+        for &(entry, cell) in mail {
+            let cell = cell as usize;
+            if cells.contains(&cell) {
+                let view = View { shelves, own: None };
+                self.filter.allow(view.line(piece_of(entry)).speed());
+                if self.lists.insert(cell, entry) && cell < self.searched {
+                    self.pending.push(cell as u32);
+                }
+            }
+        }
+    }
+
+    /// Finds the meetings in the region's cells, after the others' `mail` has been listed, and lists the pieces that will follow.
+    pub fn find(&mut self, shelves: Shelves, mail: &[Vec<Passage>], mut own: Own) {
+        self.outbox.clear();
+        self.deliver(&shelves, mail.iter().flatten());
+        let cells = self.lists.cells();
+        for first in cells.clone().step_by(CELLS_AT_ONCE) {
+            let end = (first + CELLS_AT_ONCE).min(cells.end);
+            self.searched = end;
+            (first..end).for_each(|cell| self.search(&shelves, Some(&own), cell));
+            self.decide(&shelves, Some(&mut own));
+            self.follow_up(&shelves, Some(&mut own));
+        }
+    }
+
+    /// Finds the meetings of pieces that come from other regions; lists what follows if it has pieces to add.
+    pub fn find_visitors(&mut self, shelves: Shelves, mail: &[Vec<Passage>], mut own: Option<Own>) {
+        self.outbox.clear();
+        self.deliver(&shelves, mail.iter().flatten());
+        self.follow_up(&shelves, own.as_mut());
+    }
+
+    /// Sorts the meetings found.
+    pub fn sort(&mut self, span: (f64, f64)) {
+        meeting::sort(&mut self.meetings, span, &mut self.spare);
+    }
+
+    /// Lists a piece that begins now and those that follow it, all added to `own` by another region too; gives the piece.
+    pub fn begin(
+        &mut self,
+        gas: Gas,
+        trajectory: Trajectory,
+        (ball, owner): (u32, u32),
+        origin: Origin,
+        (kind, own): Own,
+    ) -> Id {
+        let line = gas.line(&trajectory, ball, owner);
+        self.filter.allow(line.speed());
+        let id = gas
+            .numbering
+            .id(kind, self.number, own.push(trajectory, line, origin));
+        let further = Origin {
+            parents: [NONE; 2],
+            ..origin
+        };
+        self.trace(gas, id, trajectory, ball, |number, after| {
+            let line = gas.line(after, ball, owner);
+            gas.numbering
+                .id(kind, number, own.push(*after, line, further))
+        });
+        id
+    }
+
+    /// Searches cells in which something has been listed since they were searched, until there are none.
+    fn follow_up(&mut self, shelves: &Shelves, mut own: Option<&mut Own>) {
+        while !self.pending.is_empty() {
+            let mut pending = std::mem::take(&mut self.pending);
+            for cell in pending.drain(..) {
+                self.search(shelves, own.as_deref(), cell as usize);
+            }
+            if self.pending.is_empty() {
+                self.pending = pending;
+            }
+            self.decide(shelves, own.as_deref_mut());
+        }
+    }
+
+    /// Finds which pieces of a cell may meet, but for those that have been searched before.
+    fn search(&mut self, shelves: &Shelves, own: Option<&Own>, cell: usize) {
+        let Self {
+            lists,
+            filter,
+            pairs,
+            candidates,
+            ..
+        } = self;
+        let view = View {
+            shelves,
+            own: own.map(|(kind, pieces)| (*kind, &**pieces)),
+        };
+        let grid = shelves.gas.grid;
+        let origin = grid.center(cell);
+        let entries = lists.entries(cell);
+        let tested = lists.tested(cell);
+        if shelves.gas.is_periodic() {
+            filter.begin_cell(entries, |entry| {
+                let shift = grid.shift(image_of(entry)) * grid.scale;
+                let origin = std::array::from_fn(|axis| origin[axis] - shift[axis] as f32);
+                relative(view.line(piece_of(entry)), origin)
+            });
+        } else {
+            filter.begin_cell(entries, |entry| relative(view.line(entry), origin));
+        }
+        lists.set_tested(cell);
+        pairs.clear();
+        filter.find(tested.max(1), pairs);
+        for &(row, other) in pairs.iter() {
+            let entries = [filter.entry(row), filter.entry(other)];
+            let ids = entries.map(piece_of);
+            let balls = ids.map(|id| view.line(id).ball);
+            let origins = ids.map(|id| view.origin(id));
+            if balls[0] == balls[1]
+                || origins[0].parents.contains(&ids[1])
+                || origins[1].parents.contains(&ids[0])
+            {
+                continue;
+            }
+            let in_order = balls[0] < balls[1];
+            let sorted = |pair: [u32; 2]| if in_order { pair } else { [pair[1], pair[0]] };
+            candidates.push(Candidate {
+                entries: sorted(entries),
+                balls: sorted(balls),
+                cell: cell as u32,
+                generation: origins[0].generation.max(origins[1].generation),
+            });
+        }
+    }
+
+    /// Decides which candidates meet, and lists the pieces that will follow if they do.
+    fn decide(&mut self, shelves: &Shelves, mut own: Option<&mut Own>) {
+        let gas = shelves.gas;
+        let view = View {
+            shelves,
+            own: own.as_deref().map(|(kind, pieces)| (*kind, &**pieces)),
+        };
+        // Loaded on their own, that the memory can be asked for several at a time.
+        self.loaded.clear();
+        self.loaded.extend(self.candidates.iter().map(|candidate| {
+            let [first, second] = candidate.entries.map(piece_of);
+            [
+                *view.trajectory(first, candidate.balls[0]),
+                *view.trajectory(second, candidate.balls[1]),
+            ]
+        }));
+        let candidates = std::mem::take(&mut self.candidates);
+        for (index, candidate) in candidates.iter().enumerate() {
+            let pair = self.loaded[index];
+            let Some(mut meeting) = candidate.meeting(&gas, &pair) else {
+                continue;
+            };
+            let ids = [meeting.piece, meeting.other];
+            if let Some((kind, pieces)) = own.as_deref_mut()
+                && candidate.generation < MOST_GENERATIONS
+                && is_first(&gas, ids, meeting.time, (*kind, pieces))
+            {
+                let view = View {
+                    shelves,
+                    own: Some((*kind, pieces)),
+                };
+                let owners = ids.map(|id| view.owner(id));
+                let time = gas.window.instant(meeting.time);
+                let bodies = candidate.balls.map(|ball| gas.body(ball));
+                let shift = candidate.image(&gas).1;
+                let (after, _) = contact::pair(candidate.balls, pair, bodies, shift, time);
+                for one in [0, 1] {
+                    meeting.next[one] = self.begin(
+                        gas,
+                        after[one],
+                        (candidate.balls[one], owners[one]),
+                        Origin {
+                            parents: ids,
+                            generation: candidate.generation + 1,
+                        },
+                        (*kind, pieces),
+                    );
+                }
+            }
+            self.meetings.push(meeting);
+        }
+        self.candidates = candidates;
+        self.candidates.clear();
+    }
+
+    /// Lists pieces in cells of this region and finds their meetings with those listed there before.
+    pub fn visit(&mut self, shelves: &Shelves, passages: &[Passage]) {
+        self.deliver(shelves, passages);
+        self.follow_up(shelves, None);
     }
 }

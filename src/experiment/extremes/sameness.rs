@@ -6,6 +6,7 @@ use super::Verdict;
 use crate::domain::Boundary;
 use crate::engine::Engine;
 use crate::engine::event_driven::EventDriven;
+use crate::engine::windowed::Windowed;
 use crate::experiment::gases::{face_centred, generator, lattice, random_mixture, seed_scene};
 use crate::experiment::trial::{EVENT, REVERSIBLE, Trial, WINDOWED};
 use crate::state::{Placement, State};
@@ -103,14 +104,17 @@ pub fn ledger() -> Verdict {
         ("mixture", random_mixture(38), 20.0),
     ];
     for (what, gas, time) in &scenes {
-        let container = gas.domain.boundary == Boundary::Container;
         let engines = [EVENT, WINDOWED, Choice::Step(1.0 / 256.0)];
         for choice in engines.into_iter().chain([REVERSIBLE]) {
-            if matches!(choice, Choice::Windowed(_)) && !container {
+            let windowed = matches!(choice, Choice::Windowed(_));
+            if windowed && !Windowed::supports(gas) {
                 continue;
             }
+            // Dense gases are not what engine windowed is made for: it runs a shorter part of them.
+            let dense = gas.domain.boundary == Boundary::Periodic;
+            let part = if windowed && dense { 0.1 } else { 1.0 };
             let mut trial = Trial::new(choice, gas);
-            trial.run(*time);
+            trial.run(part * time);
             let residual = trial.drift().virial.unwrap_or(f64::NAN);
             let what = format!("{}, {what}, {} collisions", choice.name(), trial.events());
             verdict.at_most(what, residual, 1e-12);

@@ -3,7 +3,7 @@
 //! What became untrue stays in the heap until its time comes and is thrown away then. Nothing but the heap's length is wanted
 //! here; what happens in the gas is what happens in every exact engine.
 
-use std::cmp::Ordering;
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use crate::collision::{pair_time, wall_time};
@@ -11,47 +11,38 @@ use crate::engine::contact;
 use crate::event::Wall;
 use crate::state::{State, Time};
 
-/// A predicted collision: true if both balls have changed course as often as they had then.
-#[derive(Clone, Copy, Debug)]
+/// A predicted collision: true if both balls have changed course as often as they had then. The earlier is the smaller.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Entry {
-    time: Time,
+    epoch: u64,
+    /// Bits of the local time: those of numbers that are not negative are in the numbers' order.
+    local: u64,
     ball: u32,
     changes: u32,
     partner: Partner,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Partner {
+    /// A ball, and how often it had changed course.
     Ball(u32, u32),
-    Wall(Wall),
+    /// A wall, by its axis and whether it is the upper one.
+    Wall(usize, bool),
 }
 
-impl PartialEq for Entry {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Entry {}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Entry {
-    /// The standard library's heap has the largest on top, so the earlier is the larger.
-    fn cmp(&self, other: &Self) -> Ordering {
-        let key = |entry: &Self| (entry.time.epoch, entry.time.local.to_bits(), entry.ball);
-        key(other).cmp(&key(self))
+impl Entry {
+    fn time(&self) -> Time {
+        Time {
+            epoch: self.epoch,
+            local: f64::from_bits(self.local),
+        }
     }
 }
 
 /// A gas in a container and its heap.
 pub struct EveryPrediction {
     state: State,
-    heap: BinaryHeap<Entry>,
+    heap: BinaryHeap<Reverse<Entry>>,
     changes: Vec<u32>,
     collisions: u64,
 }
@@ -86,8 +77,9 @@ impl EveryPrediction {
         let flight = state.trajectories[ball];
         let radius = state.bodies.of(ball).radius;
         let changes = self.changes[ball];
-        let entry = |time, partner| Entry {
-            time,
+        let entry = |time: Time, partner| Entry {
+            epoch: time.epoch,
+            local: time.local.to_bits(),
             ball: ball as u32,
             changes,
             partner,
@@ -97,15 +89,15 @@ impl EveryPrediction {
                 let upper = flight.velocity[axis] > 0.0;
                 let limit = state.domain.half_size[axis] - radius;
                 let time = wall_time(&flight, axis, if upper { limit } else { -limit })?;
-                Some(entry(time, Partner::Wall(Wall { axis, upper })))
+                Some(entry(time, Partner::Wall(axis, upper)))
             })
-            .max();
-        self.heap.extend(wall);
+            .min();
+        self.heap.extend(wall.map(Reverse));
         for other in (0..others).filter(|&other| other != ball) {
             let contact = radius + state.bodies.of(other).radius;
             if let Some(time) = pair_time(&flight, &state.trajectories[other], contact) {
                 let partner = Partner::Ball(other as u32, self.changes[other]);
-                self.heap.push(entry(time, partner));
+                self.heap.push(Reverse(entry(time, partner)));
             }
         }
     }
@@ -113,22 +105,22 @@ impl EveryPrediction {
     /// Runs to a simulated time in the scene's units.
     pub fn run(&mut self, until: f64) {
         let until = self.state.units.instant(until);
-        while let Some(&entry) = self.heap.peek().filter(|entry| entry.time <= until) {
+        while let Some(&Reverse(entry)) = self.heap.peek().filter(|entry| entry.0.time() <= until) {
             self.heap.pop();
             let ball = entry.ball as usize;
             let true_still = self.changes[ball] == entry.changes
                 && match entry.partner {
                     Partner::Ball(other, changes) => self.changes[other as usize] == changes,
-                    Partner::Wall(_) => true,
+                    Partner::Wall(..) => true,
                 };
             if true_still {
-                self.state.now = entry.time;
+                self.state.now = entry.time();
                 self.collisions += 1;
                 match entry.partner {
                     Partner::Ball(other, _) => {
                         self.meet([ball.min(other as usize), ball.max(other as usize)])
                     }
-                    Partner::Wall(wall) => self.reflect(ball, wall),
+                    Partner::Wall(axis, upper) => self.reflect(ball, Wall { axis, upper }),
                 }
             }
         }

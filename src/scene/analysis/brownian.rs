@@ -95,6 +95,20 @@ impl Brownian {
         flight + 3.0 * energy / self.mass * relaxation * relaxation * spread
     }
 
+    /// The same, averaged over all moments of a long run, at which it has any of its thermal speeds.
+    pub fn mean_square_displacement(&self, temperature: f64, time: f64) -> f64 {
+        let thermal = Self {
+            speed_squared: 3.0 * self.boltzmann * temperature / self.mass,
+            ..*self
+        };
+        thermal.displacement_squared(temperature, time)
+    }
+
+    /// Mass of the ball.
+    pub fn mass(&self) -> f64 {
+        self.mass
+    }
+
     /// Time in which the ball forgets its velocity.
     pub fn relaxation_time(&self, temperature: f64) -> f64 {
         self.mass / (self.friction * (self.boltzmann * temperature).sqrt())

@@ -51,6 +51,12 @@ pub(super) fn reduced(placement: &Placement) -> Option<[f64; 2]> {
     })
 }
 
+/// Value of the radial distribution function at contact in a fluid of balls alike; `None` where they may freeze.
+pub(super) fn fluid_contact_value(packing_fraction: f64) -> Option<f64> {
+    (0.0 < packing_fraction && packing_fraction <= FREEZING)
+        .then(|| (fluid(packing_fraction) - 1.0) / (4.0 * packing_fraction))
+}
+
 /// `P V / (N k T)` of balls alike; `None` between freezing and melting and beyond close packing.
 fn compressibility_factor(packing_fraction: f64) -> Option<f64> {
     let closest = PI / (3.0 * SQRT_2);

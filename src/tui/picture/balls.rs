@@ -22,6 +22,7 @@ pub(super) fn draw(
         .portion
         .slab
         .map_or(f64::INFINITY, |slab| slab / 2.0);
+    let middle = picture.portion.depth;
     // A ball larger than the slab is seen where the middle cuts it.
     let spots: Vec<(Spot, f64)> = sample.positions[..picture.portion.prefix]
         .iter()
@@ -30,15 +31,15 @@ pub(super) fn draw(
             let spot = projection.project(position.map(f64::from));
             (spot, f64::from(*radius))
         })
-        .filter(|(spot, radius)| spot.depth.abs() <= half.max(*radius))
+        .filter(|(spot, radius)| (spot.depth - middle).abs() <= half.max(*radius))
         .collect();
     let deepest = spots
         .iter()
-        .map(|(spot, _)| spot.depth.abs())
+        .map(|(spot, _)| (spot.depth - middle).abs())
         .fold(0.0, f64::max);
     // Thirds of the slab, or of the gas if that is thinner.
     let third = half.min(deepest).max(f64::MIN_POSITIVE) / 1.5;
-    let level = |depth: f64| (1.5 - depth / third).clamp(0.0, 2.0) as u8;
+    let level = |depth: f64| (1.5 - (depth - middle) / third).clamp(0.0, 2.0) as u8;
     let mut nearest = vec![f64::INFINITY; picture.cells.len()];
     for (spot, radius) in spots {
         let disc = are_discs(radius, projection.scale);

@@ -72,7 +72,7 @@ fn sixteen(theme: Theme) -> [&'static str; 8] {
 type Rgb = (u8, u8, u8);
 
 /// Red, green and blue for each ink. Source of `Safe`: Okabe and Ito, Color Universal Design.
-pub(super) fn rgb(theme: Theme) -> [Rgb; 8] {
+fn rgb(theme: Theme) -> [Rgb; 8] {
     match theme {
         Theme::Any => [
             (118, 118, 118),
@@ -148,8 +148,22 @@ impl Palette {
     }
 }
 
+/// Background and foreground of a picture in the colours of a theme.
+pub fn paper_and_ink(theme: Theme) -> (&'static str, &'static str) {
+    match theme {
+        Theme::Light => ("#ffffff", "#1c1c1c"),
+        _ => ("#16181d", "#d8d8d8"),
+    }
+}
+
+/// Colour of an ink in a picture; `None` for the foreground.
+pub fn color(theme: Theme, ink: Color) -> Option<String> {
+    let (red, green, blue) = rgb(theme)[place(ink)?];
+    Some(format!("#{red:02x}{green:02x}{blue:02x}"))
+}
+
 /// Place of an ink in the tables.
-pub(super) fn place(ink: Color) -> Option<usize> {
+fn place(ink: Color) -> Option<usize> {
     INKS.iter().position(|other| *other == ink)
 }
 

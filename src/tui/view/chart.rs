@@ -2,15 +2,19 @@
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
-use ratatui::style::Style;
 
 use super::text::{put, put_before};
+use crate::snapshot::{History, Observable, Range};
 use crate::tui::theme;
 
 /// A quantity over simulated time.
-pub(super) struct Series {
-    /// Times and values, oldest first.
-    pub points: Vec<(f64, f64)>,
+pub(super) struct Series<'a> {
+    /// The history of the run.
+    pub history: &'a History,
+    /// Which observable.
+    pub observable: Observable,
+    /// Beginning and end of what is shown; `None` while there is no history.
+    pub span: Option<(f64, f64)>,
     /// What theory expects, if anything.
     pub expected: Option<f64>,
 }
@@ -26,19 +30,23 @@ const LABELS: u16 = 10;
 
 /// Draws one row of bars.
 pub(super) fn sparkline(series: &Series, area: Rect, buffer: &mut Buffer) {
-    let columns = Columns::of(&series.points, usize::from(area.width)).values;
-    let Some((low, high)) = range(&columns, series.expected) else {
+    let values = Columns::of(series, usize::from(area.width)).values;
+    let means: Vec<f64> = values.iter().flatten().map(|range| range.mean).collect();
+    let Some((low, high)) = axis(&means, series.expected) else {
         return;
     };
-    for (column, value) in columns.iter().enumerate() {
-        let level = ((value - low) / (high - low) * 7.0).round().clamp(0.0, 7.0) as usize;
+    for (column, value) in values.iter().enumerate() {
+        let Some(value) = value else { continue };
+        let share = (value.mean - low) / (high - low);
+        let level = (share * 7.0).round().clamp(0.0, 7.0) as usize;
         put(buffer, area, (column as u16, 0), BARS[level], theme::BAR);
     }
 }
 
-/// Draws a line over a value axis; `label` writes a value of the axis.
+/// Draws a line over a value axis, and behind it how far the values reach; `label` writes a value of the axis.
 pub(super) fn chart(
     series: &Series,
+    marks: &[f64],
     label: &dyn Fn(f64) -> String,
     area: Rect,
     buffer: &mut Buffer,
@@ -52,8 +60,11 @@ pub(super) fn chart(
         width: area.width - LABELS - 1,
         ..area
     };
-    let knots = Columns::of(&series.points, usize::from(plot.width) / KNOT).values;
-    let Some((low, high)) = range(&knots, None).and(range(&knots, series.expected)) else {
+    let columns = Columns::of(series, usize::from(plot.width) / KNOT);
+    let known: Vec<Range> = columns.values.iter().flatten().copied().collect();
+    // What lies far outside must not press the line flat: the axis is made for the means.
+    let means: Vec<f64> = known.iter().map(|range| range.mean).collect();
+    let Some((low, high)) = axis(&means, series.expected).filter(|_| !means.is_empty()) else {
         put(buffer, area, (2, 0), "no history yet", theme::QUIET);
         return;
     };
@@ -62,92 +73,109 @@ pub(super) fn chart(
         let tick = if end { "┤" } else { "│" };
         put(buffer, area, (LABELS, row), tick, theme::FRAME);
     }
+    let last = area.height - 1;
     put_before(buffer, area, (LABELS, 0), &label(high), theme::QUIET);
-    put_before(
-        buffer,
-        area,
-        (LABELS, area.height - 1),
-        &label(low),
-        theme::QUIET,
-    );
-    let dots = 4 * usize::from(plot.height);
-    let height_of = |value: f64| {
-        let height = (value - low) / (high - low) * (dots - 1) as f64;
-        (height.round().max(0.0) as usize).min(dots - 1)
+    put_before(buffer, area, (LABELS, last), &label(low), theme::QUIET);
+    let scale = Scale {
+        low,
+        high,
+        dots: 4 * usize::from(plot.height),
     };
-    if let Some(expected) = series.expected {
-        let row = plot.height - 1 - (height_of(expected) / 4) as u16;
+    reach(&columns, &scale, plot, buffer);
+    for time in marks {
+        let place = (time - columns.start) / columns.width;
+        if (0.0..columns.values.len() as f64).contains(&place) {
+            for row in 0..plot.height {
+                let at = ((place * KNOT as f64) as u16, row);
+                put(buffer, plot, at, "┊", theme::THEORY);
+            }
+        }
+    }
+    if let Some(expected) = series.expected.filter(|value| value.is_finite()) {
+        let row = plot.height - 1 - (scale.height(expected) / 4) as u16;
         for column in (0..plot.width).step_by(2) {
             put(buffer, plot, (column, row), "╌", theme::THEORY);
         }
     }
-    let mut cells = vec![0_u8; usize::from(plot.width) * usize::from(plot.height)];
+    line(&columns, &scale, plot, buffer);
+}
+
+/// From values to dots above the foot of a chart.
+struct Scale {
+    low: f64,
+    high: f64,
+    dots: usize,
+}
+
+impl Scale {
+    fn height(&self, value: f64) -> usize {
+        let height = (value - self.low) / (self.high - self.low) * (self.dots - 1) as f64;
+        (height.round().max(0.0) as usize).min(self.dots - 1)
+    }
+}
+
+/// Shades from the lowest to the highest value of each column, where that is more than the line itself.
+fn reach(columns: &Columns, scale: &Scale, plot: Rect, buffer: &mut Buffer) {
+    for (index, range) in columns.values.iter().enumerate() {
+        let Some(range) = range else { continue };
+        let (from, to) = (scale.height(range.low) / 4, scale.height(range.high) / 4);
+        if from == to {
+            continue;
+        }
+        for row in from..=to {
+            for part in 0..KNOT {
+                let at = ((index * KNOT + part) as u16, plot.height - 1 - row as u16);
+                put(buffer, plot, at, "░", theme::FRAME);
+            }
+        }
+    }
+}
+
+/// Draws straight lines from mean to mean in braille.
+fn line(columns: &Columns, scale: &Scale, plot: Rect, buffer: &mut Buffer) {
+    let width = usize::from(plot.width);
+    let mut cells = vec![0_u8; width * usize::from(plot.height)];
     let mut before: Option<usize> = None;
-    for (column, value) in lines_between(&knots, 2 * KNOT).enumerate() {
-        let height = height_of(value);
+    for (column, value) in columns.line(2 * KNOT).into_iter().enumerate() {
+        let Some(value) = value else {
+            before = None;
+            continue;
+        };
+        let height = scale.height(value);
         let start = before.unwrap_or(height);
         // Each column reaches to its neighbour, so that the line has no gaps.
         for dot in start.min(height)..=start.max(height) {
-            let down = dots - 1 - dot;
-            cells[down / 4 * usize::from(plot.width) + column / 2] |=
-                braille_dot(column % 2, down % 4);
+            let down = scale.dots - 1 - dot;
+            cells[down / 4 * width + column / 2] |= braille_dot(column % 2, down % 4);
         }
         before = Some(height);
     }
     for (cell, dots) in cells.iter().enumerate().filter(|(_, dots)| **dots != 0) {
-        let glyph = char::from_u32(0x2800 + u32::from(*dots))
-            .unwrap_or(' ')
-            .to_string();
-        let at = (cell as u16 % plot.width, cell as u16 / plot.width);
-        put(buffer, plot, at, &glyph, theme::BAR);
+        let glyph = char::from_u32(0x2800 + u32::from(*dots)).unwrap_or(' ');
+        let at = ((cell % width) as u16, (cell / width) as u16);
+        put(buffer, plot, at, glyph.encode_utf8(&mut [0; 4]), theme::BAR);
     }
 }
 
-/// Values on straight lines from knot to knot, `steps` to each.
-fn lines_between(knots: &[f64], steps: usize) -> impl Iterator<Item = f64> {
-    let last = knots.len().saturating_sub(1);
-    let count = if knots.is_empty() {
-        0
-    } else {
-        steps * last + 1
-    };
-    (0..count).map(move |index| {
-        let (from, part) = (index / steps, (index % steps) as f64 / steps as f64);
-        let to = (from + 1).min(last);
-        knots[from] + (knots[to] - knots[from]) * part
-    })
-}
-
 /// First and last moment of the time axis of charts so wide.
-pub(super) fn time_ends(points: &[(f64, f64)], width: u16) -> Option<(f64, f64)> {
+pub(super) fn time_ends(series: &Series, width: u16) -> Option<(f64, f64)> {
     let room = usize::from(width.saturating_sub(LABELS + 1)) / KNOT;
-    let columns = Columns::of(points, room);
+    let columns = Columns::of(series, room);
     let whole = columns.width * room as f64;
     (!columns.values.is_empty()).then_some((columns.start, columns.start + whole))
 }
 
 /// Draws the time axis below charts.
 pub(super) fn time_axis(from: &str, to: &str, area: Rect, buffer: &mut Buffer) {
-    let style: Style = theme::FRAME;
     put_before(buffer, area, (LABELS, 0), "time", theme::QUIET);
-    put(buffer, area, (LABELS, 0), "└", style);
+    put(buffer, area, (LABELS, 0), "└", theme::FRAME);
     for column in LABELS + 1..area.width {
-        put(buffer, area, (column, 0), "─", style);
+        put(buffer, area, (column, 0), "─", theme::FRAME);
     }
-    put(
-        buffer,
-        area,
-        (LABELS + 2, 0),
-        &format!(" {from} "),
-        theme::QUIET,
-    );
-    put_before(
-        buffer,
-        area,
-        (area.width.saturating_sub(1), 0),
-        &format!(" {to} "),
-        theme::QUIET,
-    );
+    let from = format!(" {from} ");
+    put(buffer, area, (LABELS + 2, 0), &from, theme::QUIET);
+    let end = area.width.saturating_sub(1);
+    put_before(buffer, area, (end, 0), &format!(" {to} "), theme::QUIET);
 }
 
 /// Dot of a braille cell, by column and row from the upper left. Source: the Unicode standard, block 2800.
@@ -155,55 +183,72 @@ fn braille_dot(column: usize, row: usize) -> u8 {
     [[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]][row][column]
 }
 
-/// Means over equal spans of time, oldest first.
+/// Lowest, mean and highest value over equal spans of time, oldest first.
 ///
-/// Always holds: a new point changes the last span or adds one behind it; only when the room is full do the spans grow, by
-/// steps, and all change at once. So a chart rests while it grows, and takes few bytes.
-pub(super) struct Columns {
-    /// The mean over each span; one without a point has the mean of the next, as a point covers the time before it.
-    pub values: Vec<f64>,
+/// Always holds: a new stretch of the history changes the last span or adds one behind it; only when the room is full do the
+/// spans grow, by steps, and all change at once. So a chart rests while it grows, and takes few bytes.
+struct Columns {
+    /// The values of each span; `None` where there are none.
+    values: Vec<Option<Range>>,
     /// Where the first span begins.
-    pub start: f64,
+    start: f64,
     /// How long a span is.
-    pub width: f64,
+    width: f64,
 }
 
 impl Columns {
-    /// The means over as many spans as there is room for, or somewhat fewer.
-    pub fn of(points: &[(f64, f64)], room: usize) -> Self {
-        let good = || {
-            let finite = |point: &&(f64, f64)| point.0.is_finite() && point.1.is_finite();
-            points.iter().filter(finite)
-        };
-        let first = good().map(|point| point.0).reduce(f64::min);
-        let last = good().map(|point| point.0).reduce(f64::max);
-        let (Some(first), Some(last), true) = (first, last, room > 0) else {
+    /// As many spans as there is room for, or somewhat fewer.
+    fn of(series: &Series, room: usize) -> Self {
+        let finite = |(from, to): &(f64, f64)| from.is_finite() && to.is_finite() && from < to;
+        let Some((from, to)) = series.span.filter(finite).filter(|_| room > 0) else {
             return Self {
                 values: Vec::new(),
                 start: 0.0,
                 width: 0.0,
             };
         };
-        let width = width_of_spans(first, last, room);
-        let start = (first / width).floor();
-        let place = |time: f64| ((time / width).floor() - start).clamp(0.0, (room - 1) as f64);
-        let mut sums = vec![(0.0, 0_u32); place(last) as usize + 1];
-        for (time, value) in good() {
-            let sum = &mut sums[place(*time) as usize];
-            *sum = (sum.0 + value, sum.1 + 1);
-        }
-        let mut next = 0.0;
-        for sum in sums.iter_mut().rev() {
-            if sum.1 > 0 {
-                next = sum.0 / f64::from(sum.1);
-            }
-            sum.0 = next;
+        let width = width_of_spans(from, to, room);
+        let first = (from / width).floor();
+        let count = ((to / width).ceil() - first).clamp(1.0, room as f64);
+        let (start, count) = (first * width, count as usize);
+        let end = start + count as f64 * width;
+        let mut values = series
+            .history
+            .columns(series.observable, (start, end), count);
+        for value in &mut values {
+            *value = value.filter(|range| {
+                range.low.is_finite() && range.mean.is_finite() && range.high.is_finite()
+            });
         }
         Self {
-            values: sums.into_iter().map(|(mean, _)| mean).collect(),
-            start: start * width,
+            values,
+            start,
             width,
         }
+    }
+
+    /// Values on straight lines from span to span, `steps` to each; none beside a span without values.
+    fn line(&self, steps: usize) -> Vec<Option<f64>> {
+        let means: Vec<Option<f64>> = self
+            .values
+            .iter()
+            .map(|range| range.map(|range| range.mean))
+            .collect();
+        let last = means.len().saturating_sub(1);
+        let count = if means.is_empty() {
+            0
+        } else {
+            steps * last + 1
+        };
+        let value = |index: usize| {
+            let (from, part) = (index / steps, (index % steps) as f64 / steps as f64);
+            let (here, next) = (means[from]?, means[(from + 1).min(last)]);
+            match next {
+                Some(next) => Some(here + (next - here) * part),
+                None => (part == 0.0).then_some(here),
+            }
+        };
+        (0..count).map(value).collect()
     }
 }
 
@@ -214,7 +259,7 @@ fn width_of_spans(first: f64, last: f64, room: usize) -> f64 {
         return 1.0;
     }
     let power = least.log2().floor() as i32 - 2;
-    let fits = |width: &f64| (last / width).floor() - (first / width).floor() < room as f64;
+    let fits = |width: &f64| (last / width).ceil() - (first / width).floor() <= room as f64;
     (power..power + 4)
         .flat_map(|power| [4.0, 5.0, 6.0, 7.0].map(|digit| digit * 2_f64.powi(power)))
         .filter(|width| *width >= least)
@@ -223,7 +268,7 @@ fn width_of_spans(first: f64, last: f64, room: usize) -> f64 {
 }
 
 /// Ends of the value axis around values and expectation: round numbers, so that they rest while the values move.
-fn range(values: &[f64], expected: Option<f64>) -> Option<(f64, f64)> {
+fn axis(values: &[f64], expected: Option<f64>) -> Option<(f64, f64)> {
     let all = || {
         let expected = expected.filter(|value| value.is_finite());
         values.iter().copied().chain(expected)
@@ -253,30 +298,55 @@ fn round_above(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::snapshot::Stretch;
 
-    #[test]
-    fn a_span_without_a_point_shows_the_next() {
-        assert_eq!(
-            Columns::of(&[(0.0, 1.0), (4.0, 5.0)], 5).values,
-            [1.0, 5.0, 5.0, 5.0, 5.0]
-        );
+    /// A history of stretches of length one.
+    fn history(values: impl IntoIterator<Item = f64>) -> History {
+        let mut history = History::default();
+        for (index, value) in values.into_iter().enumerate() {
+            let begin = index as f64;
+            let stretch = Stretch::new(begin, begin + 1.0, begin);
+            history.push(stretch.with(Observable::Temperature, Some(value)));
+        }
+        history
+    }
+
+    fn columns(history: &History, room: usize) -> Columns {
+        let series = Series {
+            history,
+            observable: Observable::Temperature,
+            span: history.bounds(),
+            expected: None,
+        };
+        Columns::of(&series, room)
+    }
+
+    fn means(columns: &Columns) -> Vec<f64> {
+        columns
+            .values
+            .iter()
+            .flatten()
+            .map(|range| range.mean)
+            .collect()
     }
 
     #[test]
-    fn a_lonely_point_is_one_column() {
-        assert_eq!(Columns::of(&[(3.0, 7.0)], 3).values, [7.0]);
+    fn a_lonely_stretch_fills_the_room() {
+        let columns = columns(&history([7.0]), 8);
+        assert_eq!(means(&columns), [7.0; 8]);
     }
 
     #[test]
-    fn a_new_point_changes_the_last_column_only_or_all_of_them_rarely() {
-        let value = |i: i32| (f64::from(i), f64::from(i * i % 7));
-        let mut points = vec![value(0)];
-        let mut before = Columns::of(&points, 30);
+    fn a_new_stretch_changes_the_last_column_only_or_all_of_them_rarely() {
+        let mut history = History::default();
+        let mut before = columns(&history, 30);
         let mut rescaled = 0;
-        for i in 1..2000 {
-            points.push(value(i));
-            let after = Columns::of(&points, 30);
-            let kept = before.values.len() - 1;
+        for i in 0..400 {
+            let begin = f64::from(i);
+            let stretch = Stretch::new(begin, begin + 1.0, begin);
+            history.push(stretch.with(Observable::Temperature, Some(f64::from(i * i % 7))));
+            let after = columns(&history, 30);
+            let kept = before.values.len().saturating_sub(1);
             assert!(after.values.len() <= 30);
             if after.width == before.width {
                 assert_eq!(after.values[..kept], before.values[..kept], "{i}");
@@ -290,38 +360,43 @@ mod tests {
     }
 
     #[test]
-    fn many_points_are_averaged() {
-        let points: Vec<_> = (0..=1000)
-            .map(|i| (f64::from(i), f64::from(i % 2)))
-            .collect();
-        let values = Columns::of(&points, 11).values;
-        let whole = &values[..values.len() - 1];
-        assert!(whole.iter().all(|value| (value - 0.5).abs() < 0.01));
-    }
-
-    #[test]
-    fn hostile_points_make_no_values() {
-        assert!(Columns::of(&[(f64::NAN, 1.0)], 3).values.is_empty());
-        assert!(Columns::of(&[(1.0, 1.0)], 0).values.is_empty());
-        for pair in [
-            [1.0, 1.0],
-            [-1e300, 1e300],
-            [1e-300, 0.0],
-            [1e9, 1e9 + 1e-9],
-        ] {
-            let points = pair.map(|time| (time, 1.0));
-            assert!((1..=9).contains(&Columns::of(&points, 9).values.len()));
+    fn many_stretches_are_averaged_and_keep_their_extremes() {
+        let columns = columns(&history((0..1000).map(|i| f64::from(i % 2))), 11);
+        let whole = &columns.values[..columns.values.len() - 1];
+        for range in whole.iter().flatten() {
+            assert!((range.mean - 0.5).abs() < 0.02);
+            assert_eq!((range.low, range.high), (0.0, 1.0));
         }
     }
 
     #[test]
+    fn hostile_spans_make_no_values() {
+        let history = history([1.0, 2.0]);
+        for span in [
+            (f64::NAN, 1.0),
+            (1.0, 1.0),
+            (2.0, 1.0),
+            (0.0, f64::INFINITY),
+        ] {
+            let series = Series {
+                history: &history,
+                observable: Observable::Temperature,
+                span: Some(span),
+                expected: None,
+            };
+            assert!(Columns::of(&series, 9).values.is_empty());
+        }
+        assert!(columns(&history, 0).values.is_empty());
+    }
+
+    #[test]
     fn round_off_does_not_fill_the_axis() {
-        let (low, high) = range(&[100.0, 100.0 + 1e-12], None).unwrap();
+        let (low, high) = axis(&[100.0, 100.0 + 1e-12], None).unwrap();
         assert!(high - low > 1.0);
     }
 
     #[test]
     fn the_axis_ends_at_round_numbers() {
-        assert_eq!(range(&[273.1, 273.2], None), Some((270.0, 276.0)));
+        assert_eq!(axis(&[273.1, 273.2], None), Some((270.0, 276.0)));
     }
 }

@@ -7,6 +7,7 @@ use ratatui::style::{Modifier, Style};
 use super::text::{framed_with_foot, put, title, width};
 use crate::snapshot::{Boundary, Phase, SceneCard, Snapshot, Units};
 use crate::tui::app::App;
+use crate::tui::camera::{Camera, Projection};
 use crate::tui::format::{count, plain, si};
 use crate::tui::picture::{Layer, Mode, Picture, Portion};
 use crate::tui::theme::{self, Glyphs};
@@ -21,11 +22,15 @@ pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
     } else {
         format!(" · zoom {:.2}", camera.zoom())
     };
-    let angles = format!(" az {} el {}{zoom}", camera.azimuth, camera.elevation);
+    let turning = if app.turning { ", turning" } else { "" };
+    let angles = format!(
+        " az {} el {}{turning}{zoom}",
+        camera.azimuth, camera.elevation
+    );
     let room = area.width.saturating_sub(width(&angles) + 6);
     let foot = format!("{angles} · {} ", place(&snapshot.scene, room));
     let Some(sample) = &snapshot.sample else {
-        let inner = framed_with_foot(buffer, area, title("gas", ""), &foot);
+        let inner = framed_with_foot(buffer, area, title("1 gas", ""), &foot);
         let words = match snapshot.phase {
             Phase::Starting => "placing the molecules",
             _ => "waiting for a picture",
@@ -57,7 +62,7 @@ pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
         snapshot,
         area.width.saturating_sub(10),
     );
-    let inner = framed_with_foot(buffer, area, title("gas", &remark), &foot);
+    let inner = framed_with_foot(buffer, area, title("1 gas", &remark), &foot);
     for (index, (glyph, layer)) in picture.cells.iter().enumerate() {
         let at = (
             (index % picture.width) as u16,
@@ -69,6 +74,7 @@ pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
         }
     }
     names(glyphs, &sample.names, inner, buffer);
+    axes(camera, inner, buffer);
     scale_bar(picture.scale, snapshot.scene.units, inner, buffer);
 }
 
@@ -108,12 +114,23 @@ fn words(portion: &Portion, mode: Mode, snapshot: &Snapshot, room: u16) -> Strin
         Mode::Slab => "whole depth",
         Mode::Depth => "density over the whole depth",
     };
-    let depth = portion.slab.map_or(whole.into(), |slab| {
+    let mut depth = portion.slab.map_or(whole.into(), |slab| {
         let edge = mean_edge(snapshot.scene.size);
         let digits = if slab < 0.9 * edge { 2 } else { 3 };
         let slab = length(slab, units, digits);
         format!("slab {slab} of {}", length(edge, units, 3))
     });
+    if portion.depth != 0.0 {
+        let side = if portion.depth > 0.0 {
+            "behind"
+        } else {
+            "before"
+        };
+        depth = format!(
+            "{depth}, {} {side} the middle",
+            length(portion.depth.abs(), units, 2)
+        );
+    }
     [
         format!("{depth} · {share} of the molecules"),
         format!("{depth} · {share}"),
@@ -153,6 +170,42 @@ fn names(glyphs: &Glyphs, names: &[String], area: Rect, buffer: &mut Buffer) {
         }
         let style = style(Layer::Tag(index as u8)).unwrap_or_default();
         column = put(buffer, area, (column, 0), &text, style) + 2;
+    }
+}
+
+/// Least columns and rows of a pane with a marker of the axes.
+const AXES: (u16, u16) = (36, 11);
+
+/// Where the axes of the scene point: letters about a corner, in the lower left. One that points at the eye is bold.
+fn axes(camera: &Camera, area: Rect, buffer: &mut Buffer) {
+    if area.width < AXES.0 || area.height < AXES.1 {
+        return;
+    }
+    let projection = Projection::new(camera, [1.0; 3], 7, 5);
+    let reach = 2.8 / projection.scale;
+    let left = Rect {
+        y: area.bottom() - 4,
+        width: 7,
+        height: 4,
+        ..area
+    };
+    put(buffer, left, (3, 2), "+", theme::FRAME);
+    let axes = [(0, "x"), (1, "y"), (2, "z")].map(|(axis, letter)| {
+        let mut tip = [0.0; 3];
+        tip[axis] = reach;
+        (projection.project(tip), letter)
+    });
+    for (spot, letter) in axes {
+        let (column, row) = (spot.column.round() - 0.5, spot.row.round() - 0.5);
+        let at = (column.clamp(0.0, 6.0) as u16, row.clamp(0.0, 3.0) as u16);
+        let style = if spot.depth < 0.0 {
+            theme::STRONG
+        } else {
+            theme::VALUE
+        };
+        if at != (3, 2) {
+            put(buffer, left, at, letter, style);
+        }
     }
 }
 

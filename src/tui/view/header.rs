@@ -12,6 +12,9 @@ use crate::tui::theme;
 /// Draws the two header rows.
 pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     title_row(app, snapshot, area, buffer);
+    if area.height < 2 {
+        return;
+    }
     let left = left(snapshot);
     let fields = [
         (time(snapshot), 22),

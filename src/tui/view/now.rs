@@ -5,15 +5,16 @@ use ratatui::layout::Rect;
 
 use super::chart::{self, Series};
 use super::text::{framed, put, put_before, title};
-use crate::snapshot::{HistoryPoint, Snapshot, Units};
+use crate::snapshot::{Observable, Snapshot, Units};
 use crate::tui::app::App;
 use crate::tui::format::{
     MISSING, count, percent_off, plain, quantity, scientific, si, sigmas, with_error,
 };
+use crate::tui::span::Span;
 use crate::tui::theme;
 
 /// A quantity with its history.
-pub(super) struct Entry {
+pub(super) struct Entry<'a> {
     /// Its name.
     pub label: &'static str,
     /// Its value now.
@@ -23,24 +24,26 @@ pub(super) struct Entry {
     /// A second remark beside the theory.
     pub remark: String,
     /// Its history.
-    pub series: Series,
+    pub series: Series<'a>,
     /// Writes a value of the axis.
-    axis: Box<dyn Fn(f64) -> String>,
+    pub axis: Box<dyn Fn(f64) -> String>,
 }
 
 /// Rows of a chart from which on it deserves axes.
 const CHART: u16 = 3;
 
 /// Draws the panel.
-pub(super) fn panel(_app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
-    let inner = framed(buffer, area, title("now", ""));
-    let entries = entries(snapshot);
+pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+    let inner = framed(buffer, area, title("2 now", &span_words(app, snapshot)));
+    let entries = entries(app, snapshot);
+    let marks = marks(app);
     let words: u16 = entries
         .iter()
         .map(|entry| 1 + u16::from(!entry.theory.is_empty()))
         .sum();
     let charts = inner.height.saturating_sub(words);
-    let share = (charts.saturating_sub(1) / entries.len() as u16).min(10);
+    let most = if app.enlarged.is_some() { 24 } else { 10 };
+    let share = (charts.saturating_sub(1) / entries.len() as u16).min(most);
     let with_axes = share >= CHART;
     let mut row = 0;
     for entry in &entries {
@@ -74,13 +77,13 @@ pub(super) fn panel(_app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Bu
         }
         .intersection(inner);
         if with_axes {
-            chart::chart(&entry.series, &*entry.axis, plot, buffer);
+            chart::chart(&entry.series, &marks, &*entry.axis, plot, buffer);
         } else {
             chart::sparkline(&entry.series, plot, buffer);
         }
         row += height;
     }
-    let ends = chart::time_ends(&entries[0].series.points, inner.width);
+    let ends = chart::time_ends(&entries[0].series, inner.width);
     if let (true, Some((first, last))) = (with_axes, ends) {
         let units = snapshot.scene.units;
         let axis = Rect {
@@ -94,19 +97,46 @@ pub(super) fn panel(_app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Bu
     }
 }
 
+/// Beginning and end of what the charts show.
+pub(super) fn span(app: &App, snapshot: &Snapshot) -> Option<(f64, f64)> {
+    snapshot.history.bounds().map(|bounds| app.span.of(bounds))
+}
+
+/// Which part of the history is shown, if not all of it.
+pub(super) fn span_words(app: &App, snapshot: &Snapshot) -> String {
+    let Some((from, to)) = span(app, snapshot).filter(|_| app.span != Span::default()) else {
+        return String::new();
+    };
+    let time = |time: f64| quantity(Some(time), "s", snapshot.scene.units, 3);
+    if app.span.end.is_some() {
+        format!("past: {} to {}", time(from), time(to))
+    } else {
+        format!("the last {}", time(to - from))
+    }
+}
+
+/// Times of the user's marks.
+pub(super) fn marks(app: &App) -> Vec<f64> {
+    app.marks.iter().map(|mark| mark.time).collect()
+}
+
 /// Temperature, pressure, collision rate and queue length.
-pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
+pub(super) fn entries<'a>(app: &App, snapshot: &'a Snapshot) -> [Entry<'a>; 4] {
+    let span = span(app, snapshot);
     let units = snapshot.scene.units;
     let pressure = snapshot.pressure;
     let measured = pressure.wall.or(pressure.virial); // a periodic box has no walls
     let expected = snapshot.expected;
-    let history = |value: fn(&HistoryPoint) -> f64, expected: Option<f64>| Series {
-        points: snapshot
-            .history
-            .iter()
-            .map(|point| (point.time, value(point)))
-            .collect(),
+    let history = |observable: Observable, expected: Option<f64>| Series {
+        history: &snapshot.history,
+        observable,
+        span,
         expected,
+    };
+    let pressure_route = if pressure.wall.is_some() {
+        Observable::PressureWall
+    } else {
+        Observable::PressureVirial
     };
     let axis = move |unit: &'static str| -> Box<dyn Fn(f64) -> String> {
         Box::new(move |value| quantity(Some(value), unit, units, 4))
@@ -119,7 +149,7 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
         value: quantity(snapshot.temperature, "K", units, 5),
         theory: String::new(),
         remark: String::new(),
-        series: history(|point| point.temperature, None),
+        series: history(Observable::Temperature, None),
         axis: axis("K"),
     };
     let pressure = Entry {
@@ -129,7 +159,7 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
             quantity(Some(value), "Pa", units, 5)
         }),
         remark: pressure_remark(snapshot, measured),
-        series: history(|point| point.pressure, expected.pressure),
+        series: history(pressure_route, expected.pressure),
         axis: axis("Pa"),
     };
     let collisions = Entry {
@@ -137,7 +167,7 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
         value: rate(snapshot.pair_rate, units),
         theory: beside(expected.pair_rate, &|value| rate(Some(value), units)),
         remark: percent_off(snapshot.pair_rate, expected.pair_rate).unwrap_or_default(),
-        series: history(|point| point.pair_rate, expected.pair_rate),
+        series: history(Observable::PairRate, expected.pair_rate),
         axis: Box::new(move |value| match units {
             Units::Si => scientific(value, 4),
             Units::Reduced => plain(value, 4),
@@ -148,7 +178,7 @@ pub(super) fn entries(snapshot: &Snapshot) -> [Entry; 4] {
         value: format!("{} events", count(snapshot.queue_length)),
         theory: String::new(),
         remark: String::new(),
-        series: history(|point| point.queue_length, None),
+        series: history(Observable::QueueLength, None),
         axis: Box::new(|value| si(value, "", 4)),
     };
     [temperature, pressure, collisions, queue]

@@ -9,7 +9,7 @@ use super::SMALLEST;
 use super::text::{framed, put, title, width, wrap};
 use crate::feed::Access;
 use crate::snapshot::Phase;
-use crate::tui::app::{App, Overlay};
+use crate::tui::app::{App, Help, Overlay};
 use crate::tui::keys::KEYS;
 use crate::tui::theme;
 
@@ -32,8 +32,8 @@ const LEAVE: [&str; 5] = [
 
 /// Draws the overlay that is up, if any.
 pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
-    match app.overlay {
-        Some(Overlay::Help) => help(area, buffer),
+    match &app.overlay {
+        Some(Overlay::Help(state)) => help(app, state, area, buffer),
         Some(Overlay::QuitQuestion) => {
             let lines = if app.access == Access::Owner {
                 QUIT.as_slice()
@@ -53,42 +53,79 @@ pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
 }
 
 /// What the marks on the screen mean.
-const MARKS: [&str; 6] = [
+const MARKS: [&str; 8] = [
     "290.0 ps per s: simulated time per second on your clock",
     "theory +1.0σ: difference in standard errors",
     "echo: how far time can be reversed   Z: p V / (N k T)",
     "o  Maxwell's curve   KS: Kolmogorov-Smirnov distance",
+    "trust: sound while no figure of panel 7 is beyond its limit",
     "tagged molecules leave trails, at any depth",
-    "any key closes this help",
+    "freeze holds this screen, pause holds the run",
+    "mouse: click a panel's title, drag the gas, wheel to zoom",
 ];
 
-fn help(area: Rect, buffer: &mut Buffer) {
-    let mut lines: Vec<String> = KEYS
-        .iter()
-        .map(|binding| format!("{}{}", padded(binding.shown, 7), binding.help))
+/// Columns of the keys.
+const KEYS_WIDTH: u16 = 14;
+
+/// The help: all that fits, from a line on, of what contains the search.
+fn help(app: &App, state: &Help, area: Rect, buffer: &mut Buffer) {
+    let keys = KEYS.iter().map(|binding| {
+        format!(
+            "{}{}",
+            padded(&app.keymap.shown(binding), KEYS_WIDTH),
+            binding.help
+        )
+    });
+    let all = keys.chain(MARKS.map(String::from));
+    let found = |line: &String| line.to_lowercase().contains(&state.search.to_lowercase());
+    let most = area.width.saturating_sub(6);
+    let lines: Vec<String> = all
+        .filter(found)
+        .flat_map(|line| wrapped(&line, most, KEYS_WIDTH))
         .collect();
-    lines.push(String::new());
-    lines.extend(MARKS.map(String::from));
-    let widest = lines.iter().map(|line| width(line)).max().unwrap_or(0);
-    if widest + 4 > area.width || lines.len() as u16 + 2 > area.height {
-        lines = short_help();
+    let rows = usize::from(area.height.saturating_sub(4)).max(1);
+    let scroll = usize::from(state.scroll).min(lines.len().saturating_sub(rows));
+    let foot = if state.typing {
+        format!("search: {}_  enter, esc", state.search)
+    } else if lines.len() > rows {
+        let last = (scroll + rows).min(lines.len());
+        format!(
+            "{}-{last} of {}  ↑↓ scroll  / search",
+            scroll + 1,
+            lines.len()
+        )
+    } else {
+        "/ search, any other key closes this help".into()
+    };
+    let mut shown: Vec<String> = lines.into_iter().skip(scroll).take(rows).collect();
+    if shown.is_empty() {
+        shown.push(format!("nothing about {}", state.search));
     }
-    show("help", &lines, theme::VALUE, area, buffer);
+    shown.push(String::new());
+    shown.push(foot);
+    show("help", &shown, theme::VALUE, area, buffer);
 }
 
-/// The keys in two columns of few words, for a small window.
-fn short_help() -> Vec<String> {
-    let rows = KEYS.len().div_ceil(2);
-    let words = |index: usize| {
-        KEYS.get(index).map_or(String::new(), |binding| {
-            format!("{}{}", padded(binding.shown, 6), binding.short)
-        })
+/// A line in so many columns; what is wrapped stands below the text, not below the keys.
+fn wrapped(line: &str, columns: u16, indent: u16) -> Vec<String> {
+    if width(line) <= columns {
+        return vec![line.to_owned()];
+    }
+    let head: String = line.chars().take(usize::from(indent)).collect();
+    let rest: String = line.chars().skip(usize::from(indent)).collect();
+    let lines = wrap(&rest, columns.saturating_sub(indent).max(8));
+    let first = |index: usize| {
+        if index == 0 {
+            head.clone()
+        } else {
+            " ".repeat(usize::from(indent))
+        }
     };
-    let mut lines: Vec<String> = (0..rows)
-        .map(|row| format!("{}{}", padded(&words(row), 20), words(row + rows)))
-        .collect();
-    lines.extend([String::new(), "any key closes this help".into()]);
     lines
+        .iter()
+        .enumerate()
+        .map(|(index, line)| format!("{}{line}", first(index)))
+        .collect()
 }
 
 fn padded(text: &str, columns: u16) -> String {
@@ -149,11 +186,10 @@ fn show(name: &str, lines: &[String], style: Style, area: Rect, buffer: &mut Buf
 /// What the dashboard needs, in as many words as fit.
 pub(super) fn too_small(area: Rect, buffer: &mut Buffer) {
     let (columns, rows) = SMALLEST;
-    let words = format!(
-        "moltop needs {columns}x{rows}, has {}x{}",
-        area.width, area.height
-    );
-    for (row, line) in wrap(&words, area.width).iter().enumerate() {
+    for (row, line) in wrap(&format!("needs {columns}x{rows}"), area.width)
+        .iter()
+        .enumerate()
+    {
         put(buffer, area, (0, row as u16), line, theme::VALUE);
     }
 }

@@ -30,7 +30,7 @@ struct Row {
 
 /// Draws the panel.
 pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
-    let inner = framed(buffer, area, title("run", ""));
+    let inner = framed(buffer, area, title("4 run", ""));
     progress(snapshot, inner, buffer);
     let gap = 3;
     let columns = if inner.width >= TWO_COLUMNS { 2 } else { 1 };

@@ -6,8 +6,8 @@ use ratatui::layout::Rect;
 use super::text::{put, put_before, width};
 use super::{chart, footer, gas, header, now, speeds, trust};
 use crate::snapshot::Snapshot;
-use crate::tui::app::App;
-use crate::tui::format::{MISSING, clock};
+use crate::tui::app::{App, Overlay};
+use crate::tui::format::{MISSING, clock, count, quantity};
 use crate::tui::theme;
 
 /// Columns of the numbers when the picture stands beside them.
@@ -17,6 +17,33 @@ const ROWS: u16 = 10;
 /// Least columns and rows of a picture.
 const PICTURE: (u16, u16) = (26, 8);
 
+/// Draws nothing but numbers, as many as fit: one row of them, or a few.
+pub(super) fn bare_numbers(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+    let units = snapshot.scene.units;
+    let question = matches!(app.overlay, Some(Overlay::QuitQuestion));
+    let pressure = snapshot.pressure.wall.or(snapshot.pressure.virial);
+    let parts = [
+        header::state(app),
+        if question {
+            "leave? y n".into()
+        } else {
+            String::new()
+        },
+        header::time(snapshot),
+        format!("T {}", quantity(snapshot.temperature, "K", units, 5)),
+        format!("p {}", quantity(pressure, "Pa", units, 4)),
+        format!("queue {}", count(snapshot.queue_length)),
+        header::left(snapshot),
+    ];
+    let (mut column, mut row) = (0, 0);
+    for part in parts.iter().filter(|part| !part.is_empty()) {
+        if column > 0 && column + width(part) > area.width {
+            (column, row) = (0, row + 1);
+        }
+        column = put(buffer, area, (column, row), part, theme::VALUE) + 2;
+    }
+}
+
 /// Draws the reduced dashboard.
 pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     header::title_row(app, snapshot, area, buffer);
@@ -25,7 +52,7 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
         height: 1,
         ..area
     };
-    footer::panel(foot, buffer);
+    footer::panel(app, foot, buffer);
     let mut body = Rect {
         y: area.y + 1,
         height: area.height - 2,
@@ -53,12 +80,12 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
         width: body.width - 2,
         ..body
     };
-    numbers(snapshot, inner, buffer);
+    numbers(app, snapshot, inner, buffer);
 }
 
-fn numbers(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+fn numbers(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     let mut at = 0;
-    for entry in now::entries(snapshot) {
+    for entry in now::entries(app, snapshot) {
         let end = line(buffer, area, at, entry.label, &entry.value);
         let plot = Rect {
             x: area.x + (end + 1).min(area.width),

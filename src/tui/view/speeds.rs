@@ -1,39 +1,47 @@
 //! The speed histogram, Maxwell's curve over it, and the verdict.
 
 use ratatui::buffer::Buffer;
-use ratatui::layout::Rect;
+use ratatui::layout::{Constraint, Layout, Rect};
 
 use super::chart::BARS;
 use super::text::{framed, put, put_before, title, width};
 use crate::snapshot::{Snapshot, Speeds, Units};
+use crate::tui::app::{App, Panel};
 use crate::tui::format::{MISSING, plain, quantity};
 use crate::tui::theme;
 
 /// Share of the balls that the speed axis may leave out on the right.
 const TAIL: f64 = 0.001;
 
-/// Draws the panel.
-pub(super) fn panel(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+/// Rows of the histogram of a component, at least.
+const COMPONENT: u16 = 6;
+
+/// Draws the panel; one that fills the window has the components of the velocity too.
+pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     let units = snapshot.scene.units;
     let Some(speeds) = &snapshot.speeds else {
-        framed(buffer, area, title("speeds", MISSING));
+        framed(buffer, area, title("3 speeds", MISSING));
         return;
     };
     let temperature = quantity(snapshot.temperature, "K", units, 5);
     let verdict = verdict(speeds);
     let long = format!("Maxwell o at {temperature} · {verdict}");
-    let remark = if width(&long) + 14 <= area.width {
+    let remark = if width(&long) + 16 <= area.width {
         long
     } else {
         verdict
     };
-    let inner = framed(buffer, area, title("speeds", &remark));
-    if inner.height < 2 || inner.width < 8 || !speeds.bin_width.is_normal() {
+    let inner = framed(buffer, area, title("3 speeds", &remark));
+    let bins = [speeds.bin_width, speeds.component_bin_width];
+    if inner.height < 2 || inner.width < 8 || bins.iter().any(|bin| !bin.is_normal()) {
         return;
     }
+    let with_components = app.enlarged == Some(Panel::Speeds) && inner.height >= 3 * COMPONENT;
+    let low = if with_components { inner.height / 2 } else { 0 };
+    let [high, low] = Layout::vertical([Constraint::Fill(1), Constraint::Length(low)]).areas(inner);
     let plot = Rect {
-        height: inner.height - 1,
-        ..inner
+        height: high.height - 1,
+        ..high
     };
     let fastest = fastest(speeds);
     let columns = usize::from(plot.width);
@@ -41,37 +49,86 @@ pub(super) fn panel(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     let measured = calmed(&measured, &speeds.maxwell);
     let measured = rebin(&measured, speeds.bin_width, fastest, columns);
     let maxwell = rebin(&speeds.maxwell, speeds.bin_width, fastest, columns);
-    let highest = measured.iter().chain(&maxwell).copied().fold(0.0, f64::max) * 1.04;
-    if highest > 0.0 && highest.is_finite() {
-        for (column, value) in measured.iter().enumerate() {
-            draw_bar(plot, column as u16, value / highest, buffer);
-        }
-        for (column, value) in maxwell.iter().enumerate() {
-            let height = value / highest * f64::from(plot.height);
-            if height < 0.1 {
-                continue; // on the axis a curve is but clutter
-            }
-            let row = (height.max(0.0) as u16).min(plot.height - 1);
-            put(
-                buffer,
-                plot,
-                (column as u16, plot.height - 1 - row),
-                "o",
-                theme::THEORY,
-            );
-        }
-    }
+    histogram(&measured, &maxwell, plot, buffer);
     let axis = Rect {
         y: plot.bottom(),
         height: 1,
-        ..inner
+        ..high
     };
-    speed_axis(fastest, units, axis, buffer);
+    speed_axis((0.0, fastest), units, axis, buffer);
+    if with_components {
+        components(speeds, units, low, buffer);
+    }
+}
+
+/// Bars of what was measured, and over them the curve that theory expects.
+fn histogram(measured: &[f64], expected: &[f64], plot: Rect, buffer: &mut Buffer) {
+    let highest = measured.iter().chain(expected).copied().fold(0.0, f64::max) * 1.04;
+    if !(highest > 0.0) || !highest.is_finite() {
+        return;
+    }
+    for (column, value) in measured.iter().enumerate() {
+        draw_bar(plot, column as u16, value / highest, buffer);
+    }
+    for (column, value) in expected.iter().enumerate() {
+        let height = value / highest * f64::from(plot.height);
+        if height < 0.1 {
+            continue; // on the axis a curve is but clutter
+        }
+        let row = (height.max(0.0) as u16).min(plot.height - 1);
+        let at = (column as u16, plot.height - 1 - row);
+        put(buffer, plot, at, "o", theme::THEORY);
+    }
+}
+
+/// The three components of the velocity side by side, each with the normal distribution.
+fn components(speeds: &Speeds, units: Units, area: Rect, buffer: &mut Buffer) {
+    let parts: [Rect; 3] = Layout::horizontal([Constraint::Fill(1); 3])
+        .spacing(2)
+        .areas(area);
+    let half = speeds.normal.len() as f64 / 2.0 * speeds.component_bin_width;
+    for (index, part) in parts.into_iter().enumerate() {
+        let counts: Vec<f64> = speeds.components[index]
+            .iter()
+            .map(|count| *count as f64)
+            .collect();
+        let counts = calmed(&counts, &speeds.normal);
+        let columns = usize::from(part.width);
+        let shares = |bins: &[f64]| rebin(bins, speeds.component_bin_width, 2.0 * half, columns);
+        let name = ["x", "y", "z"][index];
+        let agreement = agreement(speeds.component_ks[index], speeds.ks_critical);
+        put(
+            buffer,
+            part,
+            (0, 0),
+            &format!("along {name}"),
+            theme::STRONG,
+        );
+        put_before(buffer, part, (part.width, 0), &agreement, theme::VALUE);
+        let plot = Rect {
+            y: part.y + 1,
+            height: part.height.saturating_sub(2),
+            ..part
+        };
+        if plot.height > 0 {
+            histogram(&shares(&counts), &shares(&speeds.normal), plot, buffer);
+        }
+        let axis = Rect {
+            y: plot.bottom(),
+            height: 1,
+            ..part
+        };
+        speed_axis((-half, half), units, axis.intersection(part), buffer);
+    }
 }
 
 /// Whether the speeds are Maxwell's, in words.
 pub(super) fn verdict(speeds: &Speeds) -> String {
-    let ratio = speeds.ks / speeds.ks_critical;
+    agreement(speeds.ks, speeds.ks_critical)
+}
+
+fn agreement(ks: f64, critical: f64) -> String {
+    let ratio = ks / critical;
     if !ratio.is_finite() {
         return MISSING.into();
     }
@@ -141,33 +198,37 @@ fn draw_bar(plot: Rect, column: u16, height: f64, buffer: &mut Buffer) {
 }
 
 /// Round speeds along the bottom, and the unit at the end.
-fn speed_axis(fastest: f64, units: Units, area: Rect, buffer: &mut Buffer) {
+fn speed_axis((from, to): (f64, f64), units: Units, area: Rect, buffer: &mut Buffer) {
     let unit = if units == Units::Si { "m/s" } else { "" };
     let room = area.width.saturating_sub(width(unit) + 1);
-    let rough = fastest / (f64::from(area.width) / 8.0).max(1.0);
+    let rough = (to - from) / (f64::from(area.width) / 8.0).max(1.0);
     let power = 10_f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 2.5, 5.0, 10.0]
         .map(|digit| digit * power)
         .into_iter()
         .find(|step| *step >= rough)
         .unwrap_or(10.0 * power);
-    put(buffer, area, (0, 0), "0", theme::QUIET);
-    let mut tick = step;
-    let mut free = 2;
-    while tick < fastest && step.is_normal() {
+    if !step.is_normal() || !to.is_finite() {
+        return;
+    }
+    let mut free = 0;
+    let ticks = (from / step).ceil() as i64..=(to / step).floor() as i64;
+    for tick in ticks.map(|tick| tick as f64 * step) {
         let text = tick_text(tick, step);
-        let column = (tick / fastest * f64::from(area.width)) as u16;
+        let column = ((tick - from) / (to - from) * f64::from(area.width)) as u16;
         let start = column.saturating_sub(width(&text) / 2);
         if start >= free && start + width(&text) <= room {
             free = put(buffer, area, (start, 0), &text, theme::QUIET) + 1;
         }
-        tick += step;
     }
     put_before(buffer, area, (area.width, 0), unit, theme::QUIET);
 }
 
 /// A round number with as many decimals as its step needs.
 fn tick_text(tick: f64, step: f64) -> String {
+    if tick == 0.0 {
+        return "0".into();
+    }
     if !(1e-3..1e5).contains(&step) {
         return plain(tick, 2);
     }

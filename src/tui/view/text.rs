@@ -41,6 +41,17 @@ pub(super) fn put_before(
     put(buffer, area, (start, end.1), text, style);
 }
 
+/// Marks the title of a frame as the chosen one.
+pub(super) fn mark_chosen(buffer: &mut Buffer, area: Rect) {
+    for column in area.x + 1..area.right().saturating_sub(1) {
+        let cell = &mut buffer[(column, area.y)];
+        if cell.fg == Color::DarkGray {
+            break; // behind the title
+        }
+        cell.set_style(theme::CHOSEN);
+    }
+}
+
 /// Draws a frame with a title and returns the area inside.
 pub(super) fn framed(buffer: &mut Buffer, area: Rect, title: Line) -> Rect {
     framed_with_foot(buffer, area, title, "")

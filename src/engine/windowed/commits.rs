@@ -1,0 +1,236 @@
+//! Carries out a window's meetings in order of time, on one thread.
+//!
+//! A meeting is valid if its pieces are then their balls' present ones. What follows has mostly been foreseen, listed and tested
+//! already; the rest is done here and now.
+
+use std::cmp::Ordering;
+use std::hint::black_box;
+
+use super::meeting::{Bound, Meeting};
+use super::paths::Window;
+use super::pieces::{Id, LATER, NONE, Origin, Piece};
+use super::region::{Shelves, shift_by};
+use super::{MOST_PER_WINDOW, Windowed};
+use crate::engine::Stuck;
+use crate::engine::contact;
+use crate::event::{Collision, Participants, Wall};
+use crate::state::{Time, Trajectory};
+
+/// Meetings whose balls are read ahead, several at a time: each would have to wait for the memory otherwise.
+const READ_AHEAD: usize = 16;
+
+impl Windowed {
+    /// Carries out the meetings that come no later than `limit`; gives whether it stopped earlier, because the window is full.
+    pub(super) fn commit_until(
+        &mut self,
+        limit: Time,
+        window: Window,
+        report: &mut dyn FnMut(&Collision),
+    ) -> Result<bool, Stuck> {
+        let most = MOST_PER_WINDOW * self.lines.len();
+        let limit = limit.relative_to(window.begin.epoch);
+        while let Some(meeting) = self.take_next(limit) {
+            match meeting.bound() {
+                Some(bound) => self.meet_bound(meeting, bound, window, report)?,
+                None => self.meet(meeting, window, report)?,
+            }
+            if self.turns > most {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// The next meeting in order, if it comes no later than `limit`.
+    #[inline]
+    fn take_next(&mut self, limit: f64) -> Option<Meeting> {
+        let found = self.meetings.get(self.done);
+        let follow_up = self.follow_ups.peek();
+        let from_follow_ups = match (found, follow_up) {
+            (Some(found), Some(follow_up)) => follow_up.order(found) == Ordering::Less,
+            (found, _) => found.is_none(),
+        };
+        let next = if from_follow_ups { follow_up } else { found };
+        let next = next.copied().filter(|meeting| meeting.time <= limit)?;
+        if from_follow_ups {
+            self.follow_ups.pop();
+        } else {
+            if self.done.is_multiple_of(READ_AHEAD) {
+                self.read_ahead();
+            }
+            self.done += 1;
+        }
+        Some(next)
+    }
+
+    /// Asks for the memory of the balls that come soon.
+    fn read_ahead(&self) {
+        let first = (self.done + READ_AHEAD).min(self.meetings.len());
+        let end = (first + READ_AHEAD).min(self.meetings.len());
+        let mut sum = 0.0;
+        for meeting in &self.meetings[first..end] {
+            let alone = meeting.bound().is_some();
+            let (ball, other) = meeting.rank;
+            let pieces = [
+                meeting.piece,
+                if alone { meeting.piece } else { meeting.other },
+            ];
+            for ball in [ball, if alone { ball } else { other }] {
+                sum += self.state.trajectories[ball as usize].velocity.x;
+                sum += self.state.collisions[ball as usize] as f64;
+            }
+            for piece in pieces {
+                sum += f64::from(self.lines[self.owner(piece) as usize].link);
+            }
+        }
+        black_box(sum);
+    }
+
+    /// Whether a piece, of the flight `owner`, is the one its ball is on.
+    #[inline]
+    fn is_present(&self, piece: Id, owner: Id) -> bool {
+        let link = self.lines[owner as usize].link;
+        link == if piece == owner { NONE } else { piece }
+    }
+
+    #[inline]
+    fn owner(&self, piece: Id) -> Id {
+        match self.numbering.piece(piece) {
+            Piece::Flight(_) => piece,
+            Piece::Other(kind, region, place) => self.pieces[kind][region].lines[place].link,
+        }
+    }
+
+    fn meet_bound(
+        &mut self,
+        meeting: Meeting,
+        bound: Bound,
+        window: Window,
+        report: &mut dyn FnMut(&Collision),
+    ) -> Result<(), Stuck> {
+        let owner = self.owner(meeting.piece);
+        if !self.is_present(meeting.piece, owner) {
+            self.counters.stale_events += 1;
+            return Ok(());
+        }
+        let ball = meeting.rank.0;
+        let time = window.instant(meeting.time);
+        self.state.now = time;
+        let before = self.state.trajectories[ball as usize];
+        let (after, collision) = self.gas(window).after(ball, before, bound, time);
+        if let Participants::Face(_, Wall { axis, upper }) = collision.participants {
+            self.state.images[ball as usize][axis] += if upper { 1 } else { -1 };
+            self.lines[owner as usize].link = meeting.next[0];
+            self.state.trajectories[ball as usize] = after;
+        } else {
+            match bound {
+                Bound::Wall(_) => self.counters.wall_collisions += 1,
+                Bound::Plane(_) => self.counters.plane_collisions += 1,
+            }
+            let watched = [(ball as usize, self.last_contact(ball))];
+            self.instants
+                .note(&collision, &watched, &mut self.counters)?;
+            self.turn(ball, owner, meeting.next[0], after);
+        }
+        report(&collision);
+        Ok(())
+    }
+
+    fn meet(
+        &mut self,
+        meeting: Meeting,
+        window: Window,
+        report: &mut dyn FnMut(&Collision),
+    ) -> Result<(), Stuck> {
+        let pieces = [meeting.piece, meeting.other];
+        let owners = pieces.map(|piece| self.owner(piece));
+        if (0..2).any(|one| !self.is_present(pieces[one], owners[one])) {
+            self.counters.stale_events += 1;
+            return Ok(());
+        }
+        let time = window.instant(meeting.time);
+        let late = time < self.state.now;
+        self.counters.late_events += u64::from(late);
+        let now = if late { self.state.now } else { time };
+        self.state.now = now;
+        let balls = [meeting.rank.0, meeting.rank.1];
+        let before = balls.map(|ball| self.state.trajectories[ball as usize]);
+        let bodies = balls.map(|ball| self.state.bodies.of(ball as usize));
+        let shift = shift_by(&self.gas(window), meeting.image);
+        let (after, collision) = contact::pair(balls, before, bodies, shift, now);
+        self.counters.pair_collisions += 1;
+        let watched = balls.map(|ball| (ball as usize, self.last_contact(ball)));
+        self.instants
+            .note(&collision, &watched, &mut self.counters)?;
+        // A late collision does not happen where it was foreseen.
+        let foreseen = meeting.next[0] != NONE && !late;
+        let next = if foreseen {
+            meeting.next
+        } else {
+            let pursue =
+                |one: usize| self.pursue(after[one], (balls[one], owners[one]), pieces, window);
+            [0, 1].map(pursue)
+        };
+        for one in [0, 1] {
+            self.turn(balls[one], owners[one], next[one], after[one]);
+        }
+        report(&collision);
+        Ok(())
+    }
+
+    /// Lists a piece that begins now and those that follow, and tests them against all that is listed where they pass. Gives
+    /// the piece.
+    fn pursue(
+        &mut self,
+        after: Trajectory,
+        ball_and_owner: (u32, Id),
+        parents: [Id; 2],
+        window: Window,
+    ) -> Id {
+        let mut regions = std::mem::take(&mut self.regions);
+        let mut pieces = std::mem::take(&mut self.pieces[LATER][0]);
+        let region = &mut regions[0];
+        let gas = self.gas(window);
+        let id = region.begin(
+            gas,
+            after,
+            ball_and_owner,
+            Origin {
+                parents,
+                generation: 0,
+            },
+            (LATER, &mut pieces),
+        );
+        self.pieces[LATER][0] = pieces;
+        let passages = std::mem::take(&mut region.outbox);
+        let [firsts, fresh, later] = &self.pieces;
+        let shelves = Shelves {
+            gas: self.gas(window),
+            lines: &self.lines,
+            kinds: [firsts, fresh, later],
+        };
+        for region in &mut regions {
+            region.visit(&shelves, &passages);
+        }
+        for region in &mut regions {
+            self.follow_ups.extend(region.meetings.drain(..));
+        }
+        self.regions = regions;
+        id
+    }
+
+    /// A ball goes on along another piece, after a collision.
+    #[inline]
+    fn turn(&mut self, ball: u32, owner: Id, piece: Id, after: Trajectory) {
+        self.turns += 1;
+        self.lines[owner as usize].link = piece;
+        self.state.trajectories[ball as usize] = after;
+        self.state.collisions[ball as usize] += 1;
+    }
+
+    /// When a ball's last collision was, if it had one.
+    fn last_contact(&self, ball: u32) -> Option<Time> {
+        let ball = ball as usize;
+        (self.state.collisions[ball] > 0).then(|| self.state.trajectories[ball].begin)
+    }
+}

@@ -1,0 +1,198 @@
+//! A ball's path through a window: straight pieces between its meetings with what bounds the domain, and the cells each of
+//! them passes.
+
+use glam::DVec3;
+
+use super::grid::Grid;
+use super::meeting::{AT_BOUNDARY, Bound, Meeting};
+use super::pieces::{Id, Line, NONE, Numbering};
+use crate::collision::{plane_time, wall_time};
+use crate::domain::Boundary;
+use crate::engine::contact;
+use crate::event::{Collision, Wall};
+use crate::state::{Body, State, Time, Trajectory};
+
+/// A window of time, ends included.
+#[derive(Clone, Copy, Debug)]
+pub struct Window {
+    /// When it begins.
+    pub begin: Time,
+    /// When it ends.
+    pub end: Time,
+}
+
+impl Window {
+    /// The instant that lies `time` epochs after the beginning of the window's first epoch.
+    #[inline]
+    pub fn instant(self, time: f64) -> Time {
+        let whole = time as u64;
+        Time {
+            epoch: self.begin.epoch + whole,
+            local: time - whole as f64,
+        }
+    }
+
+    /// Its begin and end, in epochs from its first epoch.
+    pub fn span(self) -> (f64, f64) {
+        let base = self.begin.epoch;
+        (self.begin.relative_to(base), self.end.relative_to(base))
+    }
+}
+
+/// What all threads read.
+#[derive(Clone, Copy)]
+pub struct Gas<'a> {
+    /// The exact flights, bodies and domain.
+    pub state: &'a State,
+    /// The cells.
+    pub grid: &'a Grid,
+    /// How pieces are numbered.
+    pub numbering: Numbering,
+    /// The window.
+    pub window: Window,
+    /// Grid lengths per window for a length per epoch.
+    pub speed_scale: f64,
+    /// By how much a line's position may be wrong, with a margin, in grid lengths.
+    pub slack: f64,
+}
+
+impl Gas<'_> {
+    /// Whether the domain is a periodic box.
+    #[inline]
+    pub fn is_periodic(&self) -> bool {
+        self.state.domain.boundary == Boundary::Periodic
+    }
+
+    /// A ball's radius and mass.
+    #[inline]
+    pub fn body(&self, ball: u32) -> Body {
+        self.state.bodies.of(ball as usize)
+    }
+
+    /// A flight as the filter sees it.
+    #[inline]
+    pub fn line(&self, trajectory: &Trajectory, ball: u32, link: Id) -> Line {
+        let start = trajectory.position_at(self.window.begin);
+        let velocity = trajectory.velocity * self.speed_scale;
+        Line::new(self.grid.to_grid(start), velocity, ball, link)
+    }
+
+    /// How far a ball's centre gets along an axis, without sign.
+    #[inline]
+    fn limit(&self, axis: usize, body: Body) -> f64 {
+        let half_size = self.state.domain.half_size[axis];
+        if self.is_periodic() {
+            half_size
+        } else {
+            half_size - body.radius
+        }
+    }
+
+    /// What bounds the domain where a flight gets there first in the window, and when.
+    fn next_bound(&self, trajectory: &Trajectory, ball: u32, body: Body) -> Option<(Time, Bound)> {
+        let domain = &self.state.domain;
+        let slack = super::grid::SLACK * self.grid.width().min_element();
+        let end = trajectory.position_at(self.window.end);
+        let mut first: Option<(Time, Bound)> = None;
+        let mut offer = |time: Option<Time>, bound: Bound| {
+            if let Some(time) = time
+                && time <= self.window.end
+                && first.is_none_or(|(earliest, _)| time < earliest)
+            {
+                first = Some((time, bound));
+            }
+        };
+        for axis in 0..3 {
+            let limit = self.limit(axis, body);
+            if end[axis].abs() > limit - slack {
+                let upper = trajectory.velocity[axis] > 0.0;
+                let limit = limit.copysign(trajectory.velocity[axis]);
+                offer(
+                    wall_time(trajectory, axis, limit),
+                    Bound::Wall(Wall { axis, upper }),
+                );
+            }
+        }
+        for (index, plane) in domain.planes.iter().enumerate() {
+            let upper = self.is_above(ball, index);
+            offer(
+                plane_time(trajectory, plane, upper, body.radius),
+                Bound::Plane(index),
+            );
+        }
+        first
+    }
+
+    /// Whether a ball is on the side of a plane that its normal points to.
+    fn is_above(&self, ball: u32, plane: usize) -> bool {
+        self.state.sides[ball as usize * self.state.domain.planes.len() + plane]
+    }
+
+    /// A ball's flight after it has met what bounds the domain, and the report of that.
+    #[inline]
+    pub fn after(
+        &self,
+        ball: u32,
+        before: Trajectory,
+        bound: Bound,
+        time: Time,
+    ) -> (Trajectory, Collision) {
+        let body = self.body(ball);
+        match bound {
+            Bound::Wall(wall) => {
+                let limit = self.limit(wall.axis, body);
+                if self.is_periodic() {
+                    contact::face(ball, before, body, wall, limit, time)
+                } else {
+                    contact::wall(ball, before, body, wall, limit, time)
+                }
+            }
+            Bound::Plane(index) => {
+                let plane = &self.state.domain.planes[index];
+                let plane = (index as u32, plane, self.is_above(ball, index));
+                contact::plane(ball, before, body, plane, time)
+            }
+        }
+    }
+
+    /// Follows a piece, and those after it where it meets what bounds the domain, to the end of the window: `pass` gets each
+    /// piece's number with each of its cells, `meet` each such meeting, `add` numbers each further piece.
+    pub fn trace(
+        &self,
+        id: Id,
+        trajectory: Trajectory,
+        ball: u32,
+        mut add: impl FnMut(&Trajectory) -> Id,
+        mut pass: impl FnMut(u32, Id),
+        mut meet: impl FnMut(Meeting),
+    ) {
+        let Window { begin, end } = self.window;
+        let body = self.body(ball);
+        let (mut id, mut trajectory) = (id, trajectory);
+        loop {
+            let bound = self.next_bound(&trajectory, ball, body);
+            let from = if trajectory.begin > begin {
+                trajectory.begin
+            } else {
+                begin
+            };
+            let to = bound.map_or(end, |(time, _)| time);
+            let ends: [DVec3; 2] = [from, to].map(|time| trajectory.position_at(time));
+            self.grid
+                .for_each_on_way(ends[0], ends[1], body.radius, |target| pass(target, id));
+            let Some((time, bound)) = bound else { return };
+            (trajectory, _) = self.after(ball, trajectory, bound, time);
+            let next = add(&trajectory);
+            let number = bound.number();
+            meet(Meeting {
+                time: time.relative_to(begin.epoch),
+                piece: id,
+                other: AT_BOUNDARY + number,
+                next: [next, NONE],
+                rank: (ball, number),
+                image: [0; 3],
+            });
+            id = next;
+        }
+    }
+}

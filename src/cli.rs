@@ -1,6 +1,7 @@
 //! The command line: what was typed, in types.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::builder::FalseyValueParser;
 use clap::{Args, Parser, Subcommand};
@@ -22,6 +23,7 @@ Examples:
   moltop run configs/seed-512.toml --engine step --dt 0.01
   moltop run configs/oxygen.toml --until 1e-8 --accuracy 1%
   moltop run configs/oxygen.toml --yes       all 20 microseconds: days
+  moltop run ~/.local/state/moltop/NAME      go on with a run from its last checkpoint
 
 A scene is a TOML file; its numbers are in its own units, and so are --until and --sample.
 Each option can be given as an environment variable, MOLTOP_UNTIL for --until.
@@ -261,7 +263,7 @@ pub struct GenerateOutput {
 /// Scene and outputs of a run.
 #[derive(Clone, Debug, Args)]
 pub struct RunOptions {
-    /// Scene file [default: oxygen near standard conditions]
+    /// Scene file, or a checkpoint or run directory to go on from [default: oxygen near standard conditions]
     pub scene: Option<PathBuf>,
     /// Simulated time at which the run ends, in the scene's units
     #[arg(long, value_name = "T", env = "MOLTOP_UNTIL", allow_negative_numbers = true, value_parser = positive)]
@@ -316,9 +318,25 @@ pub struct RunOptions {
     /// Directory of the run, new or empty [default: one named after the scene, in ~/.local/state/moltop]
     #[arg(long, value_name = "DIR", env = "MOLTOP_RUN_DIR")]
     pub run_dir: Option<PathBuf>,
+    /// Wall time between two checkpoints, such as 30s, 10min or 2h
+    #[arg(long, value_name = "DURATION", env = "MOLTOP_CHECKPOINT_EVERY", default_value = "10min", value_parser = pause)]
+    pub checkpoint_every: Duration,
     /// Overwrite output files that exist; run engine statistical although the gas is too dense for it
     #[arg(long, env = "MOLTOP_FORCE", value_parser = FalseyValueParser::new())]
     pub force: bool,
+}
+
+/// Shortest wall time between two checkpoints.
+const SHORTEST_PAUSE: Duration = Duration::from_millis(10);
+
+fn pause(text: &str) -> Result<Duration, String> {
+    match humantime::parse_duration(text) {
+        Ok(pause) if pause >= SHORTEST_PAUSE => Ok(pause),
+        Ok(_) => Err("must be at least 10ms".to_owned()),
+        Err(error) => Err(format!(
+            "must be a duration such as 30s, 10min or 2h: {error}"
+        )),
+    }
 }
 
 fn window(text: &str) -> Result<(u16, u16), String> {

@@ -3,9 +3,10 @@
 //! Lengths are in whatever unit the caller keeps; positions are relative to the domain's centre.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// What happens at the faces of the box.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Boundary {
     /// Six hard walls.
     Container,
@@ -16,7 +17,7 @@ pub enum Boundary {
 }
 
 /// A hard plane through the domain; each ball stays on the side where it starts.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plane {
     /// Unit vector perpendicular to the plane.
     pub normal: DVec3,
@@ -33,7 +34,7 @@ impl Plane {
 }
 
 /// The region open to the balls.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Domain {
     /// What happens at the faces of the box.
     pub boundary: Boundary,

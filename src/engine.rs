@@ -1,5 +1,8 @@
 //! Engines: what moves a [`crate::state::State`] forward in time.
 
+use serde::{Deserialize, Serialize};
+
+use crate::engine::contact::InstantWatch;
 use crate::event::{Collision, Participants};
 use crate::state::{State, Time};
 
@@ -43,6 +46,9 @@ pub trait Engine: Send {
     /// Negates all velocities.
     fn reverse(&mut self);
 
+    /// What it must be given beside its state to go on as if it had never stopped; see [`Saved`].
+    fn save(&self) -> Saved;
+
     /// What has been counted since the engine was made.
     fn counters(&self) -> Counters;
 
@@ -60,7 +66,7 @@ pub enum Report<'a> {
 }
 
 /// What happened in a stretch of time, spread evenly over it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sums {
     /// When the stretch begins.
     pub begin: Time,
@@ -108,8 +114,46 @@ impl Sums {
     }
 }
 
+/// What an engine knows beyond its [`State`] and cannot work out from it, between two calls of [`Engine::advance`].
+///
+/// Each engine has a `resume` that takes a state and this, and from there on gives the same collisions, bit for bit. What can be
+/// worked out (cells, calendars, windows) is not kept. An engine of another kind adds its variant at the end, so that the
+/// checkpoints there are can still be read.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub enum Saved {
+    /// An event-driven or windowed engine: between collisions, the trajectories say all but what has been counted.
+    Exact(Tally),
+    /// The reversible engine.
+    Reversible(reversible::Saved),
+    /// The engine of fixed steps.
+    Step(time_stepping::Saved),
+    /// The statistical engine.
+    Statistical(Box<statistical::Saved>),
+}
+
+/// What an exact engine has counted.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Tally {
+    /// Since the engine was made.
+    pub counters: Counters,
+    /// Collisions at one instant.
+    pub instants: InstantWatch,
+}
+
+impl Saved {
+    /// Whether it belongs to a gas of so many balls.
+    pub fn fits(&self, ball_count: usize) -> bool {
+        match self {
+            Self::Exact(tally) => tally.instants.fits(ball_count),
+            Self::Reversible(saved) => saved.fits(ball_count),
+            Self::Step(saved) => saved.fits(ball_count),
+            Self::Statistical(saved) => saved.fits(ball_count),
+        }
+    }
+}
+
 /// What an engine has counted since it was made.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counters {
     /// Ball-ball collisions.
     pub pair_collisions: u64,

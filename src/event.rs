@@ -1,5 +1,7 @@
 //! Events: what a ball will do next, and the collisions an engine reports.
 
+use serde::{Deserialize, Serialize};
+
 use std::cmp::Ordering;
 
 use glam::DVec3;
@@ -29,7 +31,7 @@ pub enum EventKind {
 }
 
 /// One of the six faces of a box.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Wall {
     /// The axis it is perpendicular to: 0, 1, 2 for x, y, z.
     pub axis: usize,
@@ -114,7 +116,7 @@ impl Event {
 }
 
 /// Who collided.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Participants {
     /// Two balls, the lower index first.
     Pair(u32, u32),

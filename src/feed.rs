@@ -27,6 +27,8 @@ pub enum Command {
     LimitTimeRate(Option<f64>),
     /// Whether snapshots carry a sample of the balls for a picture.
     Watch(bool),
+    /// Write a checkpoint now.
+    Checkpoint,
     /// End the run; the last snapshot is the summary's.
     Stop,
 }

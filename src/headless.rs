@@ -6,7 +6,7 @@
 use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, Instant};
 
-use crate::feed::Feed;
+use crate::feed::{Command, Feed};
 use crate::quantity::{Quantity, duration, plain, quantity};
 use crate::signals::Signals;
 use crate::snapshot::{Phase, Snapshot};
@@ -53,6 +53,9 @@ fn wait_and(feed: &dyn Feed, signals: &Signals, tell: &mut dyn FnMut(&Snapshot))
         }
         if let Some(signal) = signals.received() {
             return Exit::Signal(signal);
+        }
+        if signals.takes_checkpoint() {
+            feed.send(Command::Checkpoint);
         }
         if feed.was_stopped() {
             return Exit::Quit;

@@ -36,6 +36,7 @@ pub mod units;
 
 // Edges.
 pub mod check;
+pub mod checkpoint;
 pub mod cli;
 pub mod convert;
 pub mod experiment;

@@ -79,7 +79,7 @@ fn main() -> ExitCode {
 
 fn run(options: &RunOptions, yes: bool, program_start: Instant) -> Result<u8> {
     let prepared = Prepared::new(options)?;
-    if let Some(why) = prepared.report.needs_consent().filter(|_| !yes) {
+    if let Some(why) = prepared.needs_consent().filter(|_| !yes) {
         return Err(Error::Usage(why));
     }
     let signals = Signals::listen()?;

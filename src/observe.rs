@@ -17,6 +17,8 @@ pub mod speeds;
 pub mod transport;
 pub mod velocities;
 
+use serde::{Deserialize, Serialize};
+
 use crate::engine::Report;
 use crate::event::{Collision, Participants};
 use crate::observe::blocks::Blocks;
@@ -24,7 +26,7 @@ use crate::observe::ledger::Ledger;
 use crate::state::State;
 
 /// Everything that is measured at collisions.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Observer {
     /// Averages over blocks of time.
     pub blocks: Blocks,

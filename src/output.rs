@@ -88,6 +88,11 @@ impl Target {
         }
     }
 
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Writes the file whole.
     ///
     /// # Errors

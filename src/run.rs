@@ -1,11 +1,14 @@
 //! One run from its options to its files, whether a screen watches it or not.
 
+mod resumed;
+
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::mpsc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::check::Report;
+use crate::checkpoint;
 use crate::cli::RunOptions;
 use crate::error::{Error, Result};
 use crate::feed::message::Ending;
@@ -13,21 +16,33 @@ use crate::feed::server::Server;
 use crate::feed::{Command, Feed};
 use crate::output::{SeriesWriter, Target, write_history, write_observed, write_state};
 use crate::run_directory::{self, RunDirectory};
-use crate::scene::{Scene, observe};
+use crate::scene::{Scene, is_seed_text, observe};
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
 use crate::worker::engines::{Accuracy, Choice, EngineName, Offer, Wishes};
 use crate::worker::{LocalFeed, Options, Worker};
+use resumed::Resumed;
 
-/// A run that could start: the scene is good, its balls are placed, its outputs can be written.
+/// A run that could start: the scene is good and its balls are placed, or its checkpoint is; its outputs can be written.
 pub struct Prepared {
-    scene: Scene,
-    placement: Placement,
+    origin: Origin,
     outputs: Outputs,
     run_dir: Option<PathBuf>,
+    checkpoint_every: Duration,
+}
+
+/// What a run comes from.
+enum Origin {
+    Scene(Box<Placed>),
+    Checkpoint(Box<Resumed>),
+}
+
+/// A scene with its balls.
+struct Placed {
+    scene: Scene,
+    placement: Placement,
     engine: Choice,
-    /// What is known of the run before it starts.
-    pub report: Report,
+    report: Report,
 }
 
 struct Outputs {
@@ -57,62 +72,32 @@ pub fn load(path: Option<&PathBuf>) -> Result<Scene> {
 }
 
 impl Prepared {
-    /// Reads, checks and places the scene, and checks the outputs; writes nothing.
+    /// Reads, checks and places the scene, or reads the checkpoint, and checks the outputs; writes nothing.
     ///
     /// # Errors
-    /// [`Error::Scene`] for the scene, [`Error::Usage`] for the outputs and the engine.
+    /// [`Error::Scene`] for the scene, [`Error::Usage`] for the checkpoint, the outputs and the engine.
     pub fn new(options: &RunOptions) -> Result<Self> {
         let outputs = Outputs::new(options)?;
-        let mut scene = load(options.scene.as_ref())?;
-        scene.seed = options.seed.unwrap_or(scene.seed);
-        scene.until = options.until.or(scene.until);
-        scene.sample = options.sample.unwrap_or(scene.sample);
-        scene.observe.add(&options.observe);
-        if let Some(why) = observe::refusal(&scene) {
-            return Err(Error::Usage(format!("--observe {why}")));
-        }
-        let placement = scene.place()?;
-        let wishes = Wishes {
-            engine: match (options.engine, options.accuracy) {
-                (None, Some(_)) => EngineName::Auto,
-                (engine, _) => engine.unwrap_or(scene.engine),
-            },
-            step_fraction: options.step_fraction,
-            cells_per_path: options.cells_per_path,
-            accuracy: options.accuracy,
-            seed: scene.seed,
-            forced: options.force,
-            calendar: options.calendar,
-            step: options.step,
-            threads: options.threads.map(usize::from),
-            until: scene.until,
+        let checkpoint = (options.scene.as_deref())
+            .filter(|path| path.is_dir() || checkpoint::is_checkpoint(path));
+        let origin = match checkpoint {
+            Some(path) => Origin::Checkpoint(Box::new(Resumed::new(path, options)?)),
+            None => Origin::Scene(Box::new(Placed::new(options)?)),
         };
-        let engine = Choice::new(&wishes, &placement).map_err(Error::Usage)?;
-        if let Some(warning) = engine.warning(&placement) {
-            say(&format!("moltop: warning: {warning}"));
-        }
-        let mut report = Report::new(&scene, &placement, scene.until);
-        match engine {
-            Choice::Step(step) => report.cost_in_steps(step),
-            Choice::Statistical { .. } => {}
-            _ if options.accuracy.is_none_or(|wish| wish == Accuracy::Exact) => {}
-            _ => say(
-                "moltop: no setting of engine statistical is so accurate for this gas: it runs exactly",
-            ),
-        }
-        if let Choice::Statistical { .. } = engine {
-            let offer = Offer::new("", engine, &placement, None);
-            say(&format!("moltop: {}", offer.words()));
-            report.cost_per_time(offer.wall_seconds_per_time());
-        }
         Ok(Self {
-            scene,
-            placement,
+            origin,
             outputs,
             run_dir: options.run_dir.clone(),
-            engine,
-            report,
+            checkpoint_every: options.checkpoint_every,
         })
+    }
+
+    /// Why the run needs `--yes`, if it does: it has no end in sight, or takes more than an hour.
+    pub fn needs_consent(&self) -> Option<String> {
+        match &self.origin {
+            Origin::Scene(placed) => placed.report.needs_consent(),
+            Origin::Checkpoint(resumed) => resumed.needs_consent(),
+        }
     }
 
     /// Makes the run's directory and starts the engine.
@@ -122,9 +107,11 @@ impl Prepared {
     /// # Errors
     /// [`Error::File`] when the directory of `--run-dir` cannot be made, or the series cannot be opened any more.
     pub fn start(self, program_start: Instant) -> Result<Run> {
-        let directory = match open_directory(&self.scene, self.run_dir.as_deref()) {
+        let directory = match self.open_directory() {
             Ok(directory) => Some(directory),
-            Err(error) if self.run_dir.is_some() => return Err(error),
+            Err(error) if self.run_dir.is_some() || matches!(error, Error::Usage(_)) => {
+                return Err(error);
+            }
             Err(error) => {
                 say(&format!(
                     "moltop: warning: the run has no directory: {error}"
@@ -157,14 +144,25 @@ impl Prepared {
             }
             None => (None, None),
         };
-        let options = Options {
-            engine: self.engine,
-            until: self.scene.until,
+        let options = |engine, until| Options {
+            engine,
+            until,
             series: sender,
             directory: directory.as_ref().map(|found| found.path().to_owned()),
+            checkpoint_every: self.checkpoint_every,
             program_start,
         };
-        let worker = Worker::start(&self.scene, self.placement, options);
+        let worker = match self.origin {
+            Origin::Scene(placed) => {
+                let options = options(placed.engine, placed.scene.until);
+                Worker::start(&placed.scene, placed.placement, options)
+            }
+            Origin::Checkpoint(resumed) => {
+                let saved = resumed.saved;
+                let options = options(saved.engine, saved.until);
+                Worker::resume(saved, options)
+            }
+        };
         Ok(Run {
             worker,
             directory,
@@ -177,17 +175,86 @@ impl Prepared {
     }
 }
 
-fn open_directory(scene: &Scene, wish: Option<&Path>) -> Result<RunDirectory> {
-    let directory = RunDirectory::create(&scene.title, wish)?;
-    directory.start_log()?;
-    let file = if scene.is_seed_text() {
-        run_directory::SCENE_IN_SEED_TEXT
-    } else {
-        run_directory::SCENE
-    };
-    (directory.target(file)).write(|writer| writer.write_all(scene.source.as_bytes()))?;
-    tracing::info!(run = directory.name(), pid = std::process::id(), "started");
-    Ok(directory)
+impl Prepared {
+    fn open_directory(&self) -> Result<RunDirectory> {
+        let (title, source, own) = match &self.origin {
+            Origin::Scene(placed) => (&placed.scene.title, &placed.scene.source, None),
+            Origin::Checkpoint(resumed) => {
+                let origin = &resumed.saved.origin;
+                let own = resumed.directory(self.run_dir.as_ref())?;
+                (&origin.card.title, &origin.source, own)
+            }
+        };
+        let goes_on = own.is_some();
+        let directory = match own {
+            Some(own) => own,
+            None => RunDirectory::create(title, self.run_dir.as_deref())?,
+        };
+        directory.start_log()?;
+        if !goes_on {
+            let file = if is_seed_text(source) {
+                run_directory::SCENE_IN_SEED_TEXT
+            } else {
+                run_directory::SCENE
+            };
+            (directory.target(file)).write(|writer| writer.write_all(source.as_bytes()))?;
+        }
+        let what = if goes_on { "goes on" } else { "started" };
+        tracing::info!(run = directory.name(), pid = std::process::id(), "{what}");
+        Ok(directory)
+    }
+}
+
+impl Placed {
+    fn new(options: &RunOptions) -> Result<Self> {
+        let mut scene = load(options.scene.as_ref())?;
+        scene.seed = options.seed.unwrap_or(scene.seed);
+        scene.until = options.until.or(scene.until);
+        scene.sample = options.sample.unwrap_or(scene.sample);
+        scene.observe.add(&options.observe);
+        if let Some(why) = observe::refusal(&scene) {
+            return Err(Error::Usage(format!("--observe {why}")));
+        }
+        let placement = scene.place()?;
+        let wishes = Wishes {
+            engine: match (options.engine, options.accuracy) {
+                (None, Some(_)) => EngineName::Auto,
+                (engine, _) => engine.unwrap_or(scene.engine),
+            },
+            step_fraction: options.step_fraction,
+            cells_per_path: options.cells_per_path,
+            accuracy: options.accuracy,
+            seed: scene.seed,
+            forced: options.force,
+            calendar: options.calendar,
+            step: options.step,
+            threads: options.threads.map(usize::from),
+            until: scene.until,
+        };
+        let engine = Choice::new(&wishes, &placement).map_err(Error::Usage)?;
+        if let Some(warning) = engine.warning(&placement) {
+            say(&format!("moltop: warning: {warning}"));
+        }
+        let mut report = Report::new(&scene, &placement, scene.until);
+        match engine {
+            Choice::Step(step) => report.cost_in_steps(step),
+            Choice::Statistical { .. } => {
+                let offer = Offer::new("", engine, &placement, None);
+                say(&format!("moltop: {}", offer.words()));
+                report.cost_per_time(offer.wall_seconds_per_time());
+            }
+            _ if options.accuracy.is_none_or(|wish| wish == Accuracy::Exact) => {}
+            _ => say(
+                "moltop: no setting of engine statistical is so accurate for this gas: it runs exactly",
+            ),
+        }
+        Ok(Self {
+            scene,
+            placement,
+            engine,
+            report,
+        })
+    }
 }
 
 impl Outputs {

@@ -19,6 +19,7 @@ mod write;
 pub mod analysis;
 
 pub use memory::BYTES_PER_BALL;
+pub use seed_text::is_seed_text;
 pub use site::Cell;
 pub use table::Rows;
 
@@ -275,11 +276,6 @@ impl Scene {
             path: path.to_owned(),
             ..scene
         })
-    }
-
-    /// Whether it was read from the seed's text.
-    pub fn is_seed_text(&self) -> bool {
-        seed_text::is_seed_text(&self.source)
     }
 
     /// Whether the domain is a periodic box.

@@ -275,6 +275,10 @@ pub struct Snapshot {
     pub queue_length: u64,
     /// Most events ever in the queue.
     pub queue_length_max: u64,
+    /// Simulated time of the newest checkpoint on the disk.
+    pub last_checkpoint: Option<f64>,
+    /// What the user should know although the run goes on, such as a checkpoint that could not be written.
+    pub notice: Option<String>,
     /// Largest resident memory of the process so far.
     pub peak_rss_bytes: Option<u64>,
     /// Hash of time and state, synchronised; only in the last snapshot of a run.
@@ -328,6 +332,8 @@ impl Snapshot {
             speeds: None,
             queue_length: 0,
             queue_length_max: 0,
+            last_checkpoint: None,
+            notice: None,
             peak_rss_bytes: None,
             state_hash: None,
             named: Vec::new(),

@@ -9,6 +9,7 @@
 //! largest mass. Scaling by a power of two is exact, so a scene and its scaled twin run bit for bit alike (tested).
 
 use glam::{DVec3, IVec3};
+use serde::{Deserialize, Serialize};
 
 use crate::domain::{Boundary, Domain};
 use crate::sum::Sum;
@@ -16,7 +17,7 @@ pub use crate::time::Time;
 pub use crate::units::UnitScale;
 
 /// Radius and mass of a ball.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Body {
     /// Radius \[length\].
     pub radius: f64,
@@ -25,7 +26,7 @@ pub struct Body {
 }
 
 /// Radius and mass of every ball; kept once if all are alike.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bodies {
     kinds: Vec<Body>,
     kind_of: Vec<u32>,
@@ -75,6 +76,13 @@ impl Bodies {
         }
     }
 
+    /// Smallest radius \[length\].
+    pub fn smallest_radius(&self) -> f64 {
+        self.kinds
+            .iter()
+            .fold(f64::INFINITY, |smallest, body| smallest.min(body.radius))
+    }
+
     /// Largest radius \[length\].
     pub fn largest_radius(&self) -> f64 {
         self.kinds
@@ -84,7 +92,7 @@ impl Bodies {
 }
 
 /// A ball in free flight. One cache line.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[repr(C, align(64))]
 pub struct Trajectory {
     /// Where the ball was at `begin` \[length\].
@@ -131,7 +139,7 @@ pub struct Placement {
 }
 
 /// The gas.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// What one internal unit is in the scene's units.
     pub units: UnitScale,
@@ -234,6 +242,23 @@ impl State {
         let position = self.trajectories[ball].position_at(self.now);
         let image = self.images.get(ball).copied().unwrap_or_default();
         position + image.as_dvec3() * self.domain.period()
+    }
+
+    /// Whether every part speaks of the same balls.
+    pub fn is_consistent(&self) -> bool {
+        let count = self.ball_count();
+        let Bodies { kinds, kind_of } = &self.bodies;
+        let images = if self.domain.boundary == Boundary::Periodic {
+            count
+        } else {
+            0
+        };
+        self.collisions.len() == count
+            && (count == 0 || !kinds.is_empty())
+            && (kind_of.is_empty() || kind_of.len() == count)
+            && kind_of.iter().all(|&kind| (kind as usize) < kinds.len())
+            && self.images.len() == images
+            && self.sides.len() == count * self.domain.planes.len()
     }
 
     /// Number of balls.

@@ -1,9 +1,11 @@
 //! Sums that do not lose small terms beside a large total.
 
+use serde::{Deserialize, Serialize};
+
 /// A sum with the rounding of each addition carried along.
 ///
 /// Source: Neumaier, Z. Angew. Math. Mech. 54, 39 (1974), "improved Kahan-Babuska algorithm".
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sum {
     total: f64,
     lost: f64,

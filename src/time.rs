@@ -1,5 +1,7 @@
 //! Simulated time that keeps its precision: an epoch count plus a local time on a fixed grid.
 
+use serde::{Deserialize, Serialize};
+
 /// Added to a local time and taken away again, it leaves a multiple of 2^-49: f64 numbers in `[8, 16)` have that spacing.
 const ROUND_TO_GRID: f64 = 12.0;
 
@@ -7,7 +9,7 @@ const ROUND_TO_GRID: f64 = 12.0;
 ///
 /// The smallest step stays the same however long a run lasts (an f64 second would coarsen), and moving to another epoch
 /// is exact.
-#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd, Serialize, Deserialize)]
 pub struct Time {
     /// Whole epochs.
     pub epoch: u64,

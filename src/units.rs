@@ -1,6 +1,7 @@
 //! Internal units: the scene's times powers of two, so that converting is exact.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::state::Placement;
 use crate::time::Time;
@@ -10,7 +11,7 @@ use crate::time::Time;
 const EPOCHS_PER_CROSSING: f64 = 8.0;
 
 /// Powers of two that turn internal units into the scene's.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UnitScale {
     /// Scene length of one internal length.
     pub length: f64,

@@ -11,6 +11,8 @@ mod echo;
 mod measure;
 mod pace;
 mod run;
+mod saved;
+mod writer;
 
 use std::io::Write;
 use std::os::unix::net::UnixStream;
@@ -18,7 +20,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, Once, mpsc};
 use std::thread::{Builder, JoinHandle};
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+pub use saved::{Origin, SavedRun};
 
 use crate::feed::{Command, Feed};
 use crate::scene::Scene;
@@ -36,8 +40,10 @@ pub struct Options {
     pub until: Option<f64>,
     /// Where the rows of the series go.
     pub series: Option<mpsc::Sender<SeriesRow>>,
-    /// Directory of the run, if it has one.
+    /// Directory of the run, if it has one: there its checkpoints go.
     pub directory: Option<PathBuf>,
+    /// Wall time between two checkpoints.
+    pub checkpoint_every: Duration,
     /// When the program started, for `setup_time_s`.
     pub program_start: Instant,
 }
@@ -102,13 +108,27 @@ impl Worker {
     /// # Panics
     /// If the system gives the process no second thread.
     pub fn start(scene: &Scene, placement: Placement, options: Options) -> Self {
+        let origin = Arc::new(Origin::new(scene, &placement));
+        Self::begin(origin, run::Begin::Placed(placement), options)
+    }
+
+    /// Goes on with a run from its checkpoint; `options` say by what engine and until when.
+    ///
+    /// # Panics
+    /// If the system gives the process no second thread.
+    pub fn resume(saved: SavedRun, options: Options) -> Self {
+        let origin = Arc::clone(&saved.origin);
+        Self::begin(origin, run::Begin::Saved(Box::new(saved)), options)
+    }
+
+    fn begin(origin: Arc<Origin>, begin: run::Begin, options: Options) -> Self {
         quiet_engine_panics();
         let (commands, inbox) = mpsc::channel();
-        let setting = run::Setting::new(scene, &placement, options);
+        let setting = run::Setting::new(origin, options);
         let latest = Slot::new(setting.first_snapshot());
         let slot = latest.clone();
         let body = move || {
-            let run = AssertUnwindSafe(|| run::run(&setting, placement, &inbox, &slot));
+            let run = AssertUnwindSafe(|| run::run(&setting, begin, &inbox, &slot));
             catch_unwind(run)
                 .map_err(|panic| slot.put(failed(&slot.get(), &panic)))
                 .ok()

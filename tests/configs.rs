@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use moltop::scene::Scene;
 use moltop::snapshot::{Phase, Snapshot};
@@ -18,6 +18,7 @@ fn run(name: &str, until: f64) -> (Arc<Snapshot>, Outcome) {
         until: Some(until),
         series: None,
         directory: None,
+        checkpoint_every: Duration::MAX,
         program_start: Instant::now(),
     };
     let outcome = Worker::start(&scene, placement, options).join();

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use moltop::scene::Scene;
 use moltop::snapshot::{Figure, Observed, Phase, Snapshot};
@@ -16,6 +16,7 @@ fn run(text: &str, engine: Choice) -> Arc<Snapshot> {
         until: scene.until,
         series: None,
         directory: None,
+        checkpoint_every: Duration::MAX,
         program_start: Instant::now(),
     };
     let outcome = Worker::start(&scene, scene.place().expect("a good scene"), options).join();

@@ -5,8 +5,8 @@ mod common;
 
 use common::{lattice, seed_scene};
 use moltop::domain::Boundary;
-use moltop::engine::Engine;
 use moltop::engine::statistical::{Plan, QUICK, Refusal, Resolution, Statistical, USUAL};
+use moltop::engine::{Engine, Saved};
 use moltop::observe::Observer;
 use moltop::scene::analysis::{Theory, temperature};
 use moltop::snapshot::Units;
@@ -58,6 +58,27 @@ fn threads_slices_and_the_way_of_reporting_change_no_bit() {
         assert_eq!(end(&gas, 2, 1, false), expected);
         assert_eq!(end(&gas, 5, 7, false), expected);
         assert_eq!(end(&gas, 3, 40, true), expected);
+    }
+}
+
+#[test]
+fn a_resumed_gas_is_the_uninterrupted_one_bit_for_bit() {
+    for gas in [dilute(), periodic(mixture())] {
+        let mut engine = Statistical::with_threads(State::new(&gas), USUAL, 7, 2);
+        let mut observer = Observer::new(engine.state());
+        run(&mut engine, &mut observer, 1.37 * MEAN_FREE_TIME);
+        let Saved::Statistical(saved) = engine.save() else {
+            panic!("another engine's")
+        };
+        assert!(saved.fits(gas.positions.len()) && !saved.fits(7));
+        let mut resumed = Statistical::resume(engine.state().clone(), *saved, 1);
+        let mut twin = observer.clone();
+        run(&mut engine, &mut observer, 3.0 * MEAN_FREE_TIME);
+        run(&mut resumed, &mut twin, 3.0 * MEAN_FREE_TIME);
+        assert_eq!(resumed.state().hash(), engine.state().hash());
+        assert_eq!(resumed.state().collisions, engine.state().collisions);
+        assert_eq!(resumed.counters(), engine.counters());
+        assert_eq!(twin.blocks, observer.blocks);
     }
 }
 

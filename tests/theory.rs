@@ -3,7 +3,7 @@
 //! The bands are the theory's own error plus three standard errors of runs of this length.
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use moltop::calendar::Indexed;
 use moltop::engine::Engine;
@@ -44,6 +44,7 @@ fn check(scene: &Scene, until: f64, tolerance: [f64; 3]) {
         until: Some(until),
         series: None,
         directory: None,
+        checkpoint_every: Duration::MAX,
         program_start: Instant::now(),
     };
     let last = Worker::start(scene, placement, options).join().snapshot;

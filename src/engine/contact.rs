@@ -2,6 +2,7 @@
 //! agree bit for bit.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::collision::{collide, reflect};
 use crate::domain::Plane;
@@ -141,7 +142,7 @@ fn bounce(
 }
 
 /// Watches for collisions that repeat at one instant.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct InstantWatch {
     last_collision: Option<Time>,
     /// How often each ball has collided at the instant of its last collision before this one.
@@ -155,6 +156,11 @@ impl InstantWatch {
             last_collision: None,
             repeats: vec![0; ball_count],
         }
+    }
+
+    /// Whether it watches so many balls.
+    pub fn fits(&self, ball_count: usize) -> bool {
+        self.repeats.len() == ball_count
     }
 
     /// Forgets everything, as after a reversal.

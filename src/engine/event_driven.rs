@@ -19,7 +19,7 @@ use crate::cell_list::{Cell, CellList, Company};
 use crate::collision::{image_pair_time, pair_time, plane_time, wall_time};
 use crate::domain::Boundary;
 use crate::engine::contact::{self, InstantWatch};
-use crate::engine::{Counters, Engine, Stuck};
+use crate::engine::{Counters, Engine, Saved, Stuck, Tally};
 use crate::event::{Collision, Event, EventKind, Wall};
 use crate::state::{State, Time, Trajectory};
 
@@ -106,6 +106,15 @@ impl<C: Calendar> EventDriven<C> {
         let width = (SPACINGS_PER_CELL * spacing)
             .max(DIAMETERS_PER_CELL * 2.0 * state.bodies.mean_radius());
         Self::with_calendar_and_cell_width(state, width)
+    }
+
+    /// Goes on from what an event-driven or windowed engine has saved.
+    pub fn resume(state: State, tally: Tally) -> Self {
+        Self {
+            counters: tally.counters,
+            instants: tally.instants,
+            ..Self::with_calendar(state)
+        }
     }
 
     fn with_calendar_and_cell_width(state: State, width: f64) -> Self {
@@ -456,6 +465,13 @@ impl<C: Calendar> Engine for EventDriven<C> {
         self.instants.clear();
         self.calendar = C::new(self.state.ball_count());
         self.predict_everything();
+    }
+
+    fn save(&self) -> Saved {
+        Saved::Exact(Tally {
+            counters: self.counters,
+            instants: self.instants.clone(),
+        })
     }
 
     fn counters(&self) -> Counters {

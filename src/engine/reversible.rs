@@ -24,16 +24,18 @@ mod memory;
 mod search;
 mod wide;
 
+use serde::{Deserialize, Serialize};
+
 use crate::calendar::{Calendar, Indexed};
 use crate::cell_list::CellList;
 use crate::collision::wall_time;
 use crate::domain::Boundary;
 use crate::engine::contact::InstantWatch;
-use crate::engine::{Counters, Engine, Stuck};
+use crate::engine::{self, Counters, Engine, Stuck};
 use crate::event::{Collision, Event, EventKind, Participants, Wall};
 use crate::state::{State, Time};
-use fixed::{axis_of, epoch_start, epochs, tick_of, time_of};
-use flight::Origin;
+use fixed::{Scale, axis_of, epoch_start, epochs, tick_of, time_of};
+use flight::{Flight, Origin};
 use gas::Gas;
 use memory::{Deed, Memory};
 use search::{Candidate, Search};
@@ -66,16 +68,32 @@ pub struct Reversible {
     counters: Counters,
 }
 
+/// What the engine knows beyond its state: the integers.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Saved {
+    scale: Scale,
+    flights: Vec<Flight>,
+    memory: Memory,
+    instants: InstantWatch,
+    counters: Counters,
+}
+
+impl Saved {
+    /// Whether it belongs to a gas of so many balls.
+    pub fn fits(&self, ball_count: usize) -> bool {
+        self.flights.len() == ball_count
+            && self.instants.fits(ball_count)
+            && self.memory.fits(ball_count)
+    }
+}
+
 impl Reversible {
     /// Rounds the gas to integers and predicts the first events of every ball.
     ///
     /// # Errors
     /// [`Refusal`] if the scene cannot be run exactly.
     pub fn new(state: State) -> Result<Self, Refusal> {
-        let count = state.ball_count().max(1) as f64;
-        let spacing = (state.domain.volume() / count).cbrt();
-        let width = (SPACINGS_PER_CELL * spacing)
-            .max(DIAMETERS_PER_CELL * 2.0 * state.bodies.mean_radius());
+        let width = cell_width(&state);
         Self::with_cell_width(state, width)
     }
 
@@ -84,9 +102,34 @@ impl Reversible {
     /// # Errors
     /// [`Refusal`] if the scene cannot be run exactly.
     pub fn with_cell_width(state: State, width: f64) -> Result<Self, Refusal> {
+        let mut engine = Self::around(Gas::new(state)?, width);
+        engine.predict_everything();
+        // Balls that overlap, or part from a touch just as the run starts, would collide there in a reversed run.
+        let disturbed = |&ball: &usize| {
+            engine.search(ball, None).disturbed || engine.gas.turns_when_reversed(ball)
+        };
+        let count = engine.gas.flights.len();
+        engine.counters.irreversible_starts = (0..count).filter(disturbed).count() as u64;
+        Ok(engine)
+    }
+
+    /// Goes on from what an engine has saved.
+    pub fn resume(state: State, saved: Saved) -> Self {
+        let width = cell_width(&state);
+        let gas = Gas::restored(state, saved.scale, saved.flights);
+        let mut engine = Self::around(gas, width);
+        engine.memory = saved.memory;
+        engine.predict_everything();
+        engine.instants = saved.instants;
+        engine.counters = saved.counters;
+        engine
+    }
+
+    fn around(gas: Gas, width: f64) -> Self {
+        let state = &gas.state;
         let count = state.ball_count();
         let interacting = state.bodies.largest_radius() > 0.0 && count > 1;
-        let mut engine = Self {
+        Self {
             cells: CellList::new(&state.domain, width, if interacting { count } else { 0 }),
             calendar: Indexed::new(count),
             base: 0,
@@ -95,15 +138,8 @@ impl Reversible {
             memory: Memory::default(),
             counters: Counters::default(),
             interacting,
-            gas: Gas::new(state)?,
-        };
-        engine.predict_everything();
-        // Balls that overlap, or part from a touch just as the run starts, would collide there in a reversed run.
-        let disturbed = |&ball: &usize| {
-            engine.search(ball, None).disturbed || engine.gas.turns_when_reversed(ball)
-        };
-        engine.counters.irreversible_starts = (0..count).filter(disturbed).count() as u64;
-        Ok(engine)
+            gas,
+        }
     }
 
     /// Position and velocity of every ball at the present in integer units: the words that a reversal brings back. In a
@@ -389,6 +425,12 @@ impl Reversible {
     }
 }
 
+fn cell_width(state: &State) -> f64 {
+    let count = state.ball_count().max(1) as f64;
+    let spacing = (state.domain.volume() / count).cbrt();
+    (SPACINGS_PER_CELL * spacing).max(DIAMETERS_PER_CELL * 2.0 * state.bodies.mean_radius())
+}
+
 impl Engine for Reversible {
     fn name(&self) -> &'static str {
         "reversible"
@@ -461,6 +503,16 @@ impl Engine for Reversible {
         self.memory.reverse(self.gas.now());
         self.instants.clear();
         self.predict_everything();
+    }
+
+    fn save(&self) -> engine::Saved {
+        engine::Saved::Reversible(Saved {
+            scale: self.gas.scale(),
+            flights: self.gas.flights.clone(),
+            memory: self.memory.clone(),
+            instants: self.instants.clone(),
+            counters: self.counters,
+        })
     }
 
     fn counters(&self) -> Counters {

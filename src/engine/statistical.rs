@@ -22,9 +22,10 @@ mod random;
 mod round;
 
 use glam::{DVec3, IVec3};
+use serde::{Deserialize, Serialize};
 
 use crate::engine::step_clock::StepClock;
-use crate::engine::{Counters, Engine, Report, Stuck, Sums};
+use crate::engine::{self, Counters, Engine, Report, Stuck, Sums};
 use crate::event::{Collision, Wall};
 use crate::state::{State, Time, Trajectory};
 use bins::{Bins, MOST_BALLS, Record};
@@ -41,7 +42,7 @@ const FEWEST_PER_CELL: f64 = 20.0;
 const WIDEST: f64 = 0.5;
 
 /// How finely the gas is resolved.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Resolution {
     /// Length of a step in mean free times.
     pub step: f64,
@@ -91,6 +92,39 @@ pub struct Statistical {
     pending: Pending,
     settled: bool,
     counters: Counters,
+}
+
+/// What a statistical engine must be given beside its state to go on: the balls cell by cell, in their order.
+///
+/// Collisions that were asked for one by one and lie ahead of the present are not kept.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Saved {
+    rules: Rules,
+    clock: StepClock,
+    records: Vec<Record>,
+    /// Balls in each cell.
+    counts: Vec<u32>,
+    images: Vec<IVec3>,
+    majorants: Vec<f32>,
+    sums: Sums,
+    reported: Sums,
+    counters: Counters,
+}
+
+impl Saved {
+    /// Whether it belongs to a gas of so many balls.
+    pub fn fits(&self, ball_count: usize) -> bool {
+        let cells = self.rules.cells.count();
+        let total: u64 = self.counts.iter().map(|&count| u64::from(count)).sum();
+        self.records.len() == ball_count
+            && total == ball_count as u64
+            && self
+                .records
+                .iter()
+                .all(|record| (record.ball as usize) < ball_count)
+            && [self.counts.len(), self.majorants.len()] == [cells; 2]
+            && [0, ball_count].contains(&self.images.len())
+    }
 }
 
 /// What the last step did, as far as it has not been reported.
@@ -144,6 +178,37 @@ impl Statistical {
         }
         engine.take_in();
         engine
+    }
+
+    /// Goes on from what an engine has saved; its state must have been settled.
+    pub fn resume(state: State, saved: Saved, threads: usize) -> Self {
+        let worth_it = (state.ball_count() / BALLS_PER_THREAD).max(1);
+        let cells = saved.rules.cells;
+        let threads = threads.min(worth_it).clamp(1, cells.dimensions[2]);
+        let mut bins = vec![Bins::new(cells.count(), state.ball_count() / threads); threads];
+        let mut records = saved.records.into_iter();
+        for (cell, &count) in saved.counts.iter().enumerate() {
+            for record in records.by_ref().take(count as usize) {
+                *bins[0].slot(cell) = record;
+            }
+        }
+        Self {
+            clock: saved.clock,
+            spare: bins.clone(),
+            bins,
+            images: saved.images,
+            majorants: saved.majorants,
+            tallies: vec![Tally::default(); cells.dimensions[2]],
+            pending: Pending {
+                sums: saved.sums,
+                reported: saved.reported,
+                ..Pending::default()
+            },
+            settled: true,
+            counters: saved.counters,
+            rules: saved.rules,
+            state,
+        }
     }
 
     /// Puts the balls of the state into bins, flown on to the next collisions.
@@ -419,6 +484,29 @@ impl Engine for Statistical {
         self.settle();
         self.state.reverse();
         self.take_in();
+    }
+
+    fn save(&self) -> engine::Saved {
+        let (mut records, mut counts) = (Vec::with_capacity(self.state.ball_count()), Vec::new());
+        for cell in 0..self.rules.cells.count() {
+            let before = records.len();
+            for bins in &self.bins {
+                bins.of(cell)
+                    .for_each(|stretch| records.extend_from_slice(stretch));
+            }
+            counts.push((records.len() - before) as u32);
+        }
+        engine::Saved::Statistical(Box::new(Saved {
+            rules: self.rules.clone(),
+            clock: self.clock,
+            records,
+            counts,
+            images: self.images.clone(),
+            majorants: self.majorants.clone(),
+            sums: self.pending.sums,
+            reported: self.pending.reported,
+            counters: self.counters,
+        }))
     }
 
     fn counters(&self) -> Counters {

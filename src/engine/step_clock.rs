@@ -1,5 +1,7 @@
 //! When steps end: at whole multiples of their length, each computed anew, so that no rounding adds up.
 
+use serde::{Deserialize, Serialize};
+
 use crate::time::Time;
 
 /// Ticks of the time grid in an epoch, as a power of two.
@@ -16,7 +18,7 @@ const LONGEST: f64 = (1_u64 << 52) as f64;
 const TOLERANCE: f64 = 1.0 / (1 << 20) as f64;
 
 /// The ends of the steps.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct StepClock {
     /// Where the steps count from; a step ends here, too.
     origin: Time,

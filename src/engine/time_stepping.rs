@@ -15,12 +15,13 @@
 mod near_pairs;
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::collision::approach_time;
 use crate::domain::Boundary;
 use crate::engine::step_clock::StepClock;
 use crate::engine::time_stepping::near_pairs::NearPairs;
-use crate::engine::{Counters, Engine, Stuck, contact};
+use crate::engine::{self, Counters, Engine, Stuck, contact};
 use crate::event::{Collision, Participants, Wall};
 use crate::state::{State, Time, Trajectory};
 
@@ -55,6 +56,31 @@ struct Overlap {
     collided: bool,
 }
 
+/// What the engine knows beyond its state.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Saved {
+    clock: StepClock,
+    placed_at: Time,
+    /// How far the list of near pairs is good; negative if there is none.
+    margin: f64,
+    fastest: f64,
+    backwards: bool,
+    /// Pairs that overlap, and whether they have collided since they began to.
+    overlaps: Vec<([u32; 2], bool)>,
+    last_collision: Option<Time>,
+    counters: Counters,
+}
+
+impl Saved {
+    /// Whether it belongs to a gas of so many balls.
+    pub fn fits(&self, ball_count: usize) -> bool {
+        let known = |ball: u32| (ball as usize) < ball_count;
+        (self.overlaps.iter()).all(|(pair, _)| pair[0] < pair[1] && known(pair[1]))
+            && self.overlaps.is_sorted_by_key(|(pair, _)| *pair)
+            && self.fastest.is_finite()
+    }
+}
+
 impl TimeStepping {
     /// Steps of `step` scene times, which end at multiples of it; `step` must be positive.
     pub fn new(state: State, step: f64) -> Self {
@@ -71,6 +97,37 @@ impl TimeStepping {
             overlaps_before: Vec::new(),
             last_collision: None,
             counters: Counters::default(),
+            state,
+        }
+    }
+
+    /// Goes on from what an engine has saved.
+    pub fn resume(state: State, saved: Saved) -> Self {
+        // A ball's flight has not changed since the end of the last step, so it says where the ball was then.
+        let place = |flight: &Trajectory| flight.position_at(saved.placed_at);
+        let places: Vec<_> = state.trajectories.iter().map(place).collect();
+        let interacting = state.bodies.largest_radius() > 0.0 && state.ball_count() > 1;
+        let near = interacting.then(|| {
+            let mut near = NearPairs::new(&state, &places);
+            near.restore(saved.margin, &state, &places);
+            near
+        });
+        let overlap = |(pair, collided)| Overlap {
+            pair,
+            index: usize::MAX, // of the list before; nobody asks for it any more
+            collided,
+        };
+        Self {
+            clock: saved.clock,
+            near,
+            fastest: saved.fastest,
+            places,
+            placed_at: saved.placed_at,
+            backwards: saved.backwards,
+            overlaps: saved.overlaps.into_iter().map(overlap).collect(),
+            overlaps_before: Vec::new(),
+            last_collision: saved.last_collision,
+            counters: saved.counters,
             state,
         }
     }
@@ -378,6 +435,21 @@ impl Engine for TimeStepping {
         if let Some(near) = &mut self.near {
             near.invalidate();
         }
+    }
+
+    fn save(&self) -> engine::Saved {
+        engine::Saved::Step(Saved {
+            clock: self.clock,
+            placed_at: self.placed_at,
+            margin: self.near.as_ref().map_or(-1.0, NearPairs::margin),
+            fastest: self.fastest,
+            backwards: self.backwards,
+            overlaps: (self.overlaps.iter())
+                .map(|overlap| (overlap.pair, overlap.collided))
+                .collect(),
+            last_collision: self.last_collision,
+            counters: self.counters,
+        })
     }
 
     fn counters(&self) -> Counters {

@@ -31,7 +31,7 @@ mod tuning;
 use std::collections::BinaryHeap;
 
 use crate::engine::contact::InstantWatch;
-use crate::engine::{Counters, Engine, Stuck};
+use crate::engine::{Counters, Engine, Saved, Stuck, Tally};
 use crate::event::Collision;
 use crate::state::{Placement, State, Time};
 use filter::Margins;
@@ -104,6 +104,18 @@ impl Windowed {
     pub fn new(state: State, threads: usize) -> Self {
         let worth_it = state.ball_count() / BALLS_PER_REGION;
         Self::with_regions(state, threads.min(worth_it))
+    }
+
+    /// Goes on from what an event-driven or windowed engine has saved.
+    ///
+    /// # Panics
+    /// If [`Self::supports`] does not hold.
+    pub fn resume(state: State, threads: usize, tally: Tally) -> Self {
+        Self {
+            counters: tally.counters,
+            instants: tally.instants,
+            ..Self::new(state, threads)
+        }
     }
 
     /// Like [`Self::new`], with a thread for each of so many regions even if that does not pay.
@@ -213,8 +225,7 @@ impl Windowed {
         let cuts: Vec<usize> = (0..=region_count).map(cut).collect();
         for (number, region) in self.regions.iter_mut().enumerate() {
             let (first, end) = (cuts[number], cuts[number + 1]);
-            let flights = places[first] as usize..places[end] as usize;
-            region.reset(number, first..end, flights);
+            region.reset(number, first..end, &places[first..=end]);
         }
         let mut balls = vec![0_u32; count];
         for (line, &cell) in self.lines.iter().zip(&cells) {
@@ -277,8 +288,13 @@ impl Windowed {
                 pieces.clear();
             }
         }
+        let (least, most) = (
+            self.state.bodies.smallest_radius(),
+            self.state.bodies.largest_radius(),
+        );
         let margins = Margins {
-            contact: 2.0 * self.state.bodies.largest_radius() * self.grid.scale,
+            contact: 2.0 * most * self.grid.scale,
+            off_middle: 0.5 * (most - least) * self.grid.scale,
             position: self.line_error(),
             edges: self.grid.edges,
             fastest: self.fastest,
@@ -436,6 +452,13 @@ impl Engine for Windowed {
         self.state.reverse();
         self.instants.clear();
         self.sort();
+    }
+
+    fn save(&self) -> Saved {
+        Saved::Exact(Tally {
+            counters: self.counters,
+            instants: self.instants.clone(),
+        })
     }
 
     fn counters(&self) -> Counters {

@@ -5,6 +5,8 @@
 //!
 //! Source: Flyvbjerg & Petersen, J. Chem. Phys. 91, 461 (1989), for errors from merged blocks.
 
+use serde::{Deserialize, Serialize};
+
 /// Most blocks kept; there are at least half as many once the run is long.
 const MOST_BLOCKS: usize = 32;
 
@@ -15,7 +17,7 @@ const FEWEST_BLOCKS: usize = 8;
 const UNSETTLED_SHARE: f64 = 0.1;
 
 /// A mean and its standard error.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The mean; `None` before anything was recorded.
     pub value: Option<f64>,
@@ -35,7 +37,7 @@ impl Estimate {
 }
 
 /// Sums of several values over blocks of records.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BlockSums {
     width: usize,
     records_per_block: u64,

@@ -5,6 +5,8 @@
 //!
 //! Source: Flyvbjerg & Petersen, J. Chem. Phys. 91, 461 (1989), for errors from merged blocks.
 
+use serde::{Deserialize, Serialize};
+
 use crate::engine::Sums;
 use crate::event::{Collision, Participants};
 use crate::state::Time;
@@ -22,7 +24,7 @@ const UNSETTLED_SHARE: f64 = 0.1;
 const FEWEST_BLOCKS: usize = 8;
 
 /// What happened in a block of time.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Block {
     /// Momentum given to the walls, perpendicular to them.
     pub wall_impulse: f64,
@@ -57,7 +59,7 @@ pub struct Averages {
 }
 
 /// Blocks of a run.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Blocks {
     length: f64,
     blocks: Vec<Block>,

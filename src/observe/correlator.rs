@@ -6,6 +6,7 @@
 //! Source: Ramirez, Sukumaran, Vorselaars & Likhtman, J. Chem. Phys. 133, 154103 (2010), there with averaging.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::observe::block_sums::{BlockSums, Estimate};
 
@@ -19,7 +20,7 @@ const LEVELS: usize = 30;
 const LAG_COUNT: usize = POINTS + (LEVELS - 1) * POINTS / 2;
 
 /// What is correlated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Kind {
     /// Mean of `|x(t) - x(0)|^2`.
     Displacement,
@@ -28,7 +29,7 @@ pub enum Kind {
 }
 
 /// Correlations of several vectors, averaged over groups of them.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Correlator {
     kind: Kind,
     /// Group of each vector.
@@ -42,7 +43,7 @@ pub struct Correlator {
 }
 
 /// The last records of one level, the oldest overwritten first.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Level {
     ring: Vec<DVec3>,
     filled: usize,

@@ -1,6 +1,7 @@
 //! Where the balls' centres are along each axis: walls gather them in layers.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::observe::block_sums::{BlockSums, Estimate};
 use crate::state::State;
@@ -9,7 +10,7 @@ use crate::state::State;
 pub const SLICES: usize = 200;
 
 /// Balls per slice of the box, along each axis.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DensityProfile {
     /// Slices of x, y and z, then the number of looks.
     sums: BlockSums,

@@ -2,6 +2,8 @@
 //!
 //! A wall turns a flight but does not end it.
 
+use serde::{Deserialize, Serialize};
+
 use crate::event::{Collision, Participants};
 use crate::observe::block_sums::{BlockSums, Estimate};
 use crate::observe::velocities::Velocities;
@@ -14,7 +16,7 @@ pub const BIN_COUNT: usize = 160;
 const BINS_PER_MEAN: f64 = 20.0;
 
 /// Flights of all balls, and the walls they hit.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Flights {
     /// Where each ball's flight began; `None` before its first collision with another.
     began: Vec<Option<Time>>,

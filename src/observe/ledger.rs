@@ -6,6 +6,7 @@
 //! Source: derived here from `dG/dt = 2 K + sum of r . F` (the virial theorem before averaging).
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::engine::Sums;
 use crate::event::{Collision, Participants};
@@ -13,7 +14,7 @@ use crate::state::{State, Time};
 use crate::sum::Sum;
 
 /// The accounts of a run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Ledger {
     kinetic_energy: f64,
     radial_momentum: Sum,

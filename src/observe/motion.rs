@@ -1,12 +1,13 @@
 //! How balls move on: mean square displacement and velocity autocorrelation of species and of named balls.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::observe::correlator::{Correlator, Kind};
 use crate::state::{State, Time};
 
 /// Motion of chosen balls, relative to the drift of the whole gas.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
     balls: Vec<u32>,
     drift: DVec3,

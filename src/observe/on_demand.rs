@@ -1,5 +1,7 @@
 //! The observers that a scene asks for, fed together: by collisions, and by states at equally spaced instants.
 
+use serde::{Deserialize, Serialize};
+
 use crate::event::Collision;
 use crate::observe::density_profile::DensityProfile;
 use crate::observe::flights::Flights;
@@ -14,7 +16,7 @@ use crate::state::State;
 const LOOKS_PER_COUNT: u64 = 10;
 
 /// Observers that a scene asks for; `None` where it does not.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OnDemand {
     /// Neighbours at each distance.
     pub radial_distribution: Option<RadialDistribution>,

@@ -5,6 +5,8 @@
 //!
 //! Source: Allen & Tildesley, Computer Simulation of Liquids, on pair distribution functions.
 
+use serde::{Deserialize, Serialize};
+
 use std::f64::consts::PI;
 
 use glam::DVec3;
@@ -20,7 +22,7 @@ const PAIRS_PER_LOOK: usize = 1_000_000;
 const CONTACT_RANGE: f64 = 0.12;
 
 /// Neighbours at each distance.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RadialDistribution {
     from: f64,
     width: f64,

@@ -7,6 +7,8 @@
 //!
 //! Source: Boltzmann, Wiener Berichte 66, 275 (1872); the excess `(bins - 1) / 2 N` of a sample of N balls: Miller (1955).
 
+use serde::{Deserialize, Serialize};
+
 use std::f64::consts::PI;
 
 use crate::observe::speeds::Speeds;
@@ -16,7 +18,7 @@ use crate::state::{State, Time};
 const MOST_POINTS: usize = 512;
 
 /// The gas at one instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// When.
     pub time: Time,
@@ -31,7 +33,7 @@ pub struct Point {
 }
 
 /// The course of the relaxation.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Relaxation {
     points: Vec<Point>,
     looks: u64,

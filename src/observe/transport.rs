@@ -7,6 +7,7 @@
 //! Source: Helfand, Phys. Rev. 119, 1 (1960); Alder, Gass & Wainwright, J. Chem. Phys. 53, 3813 (1970).
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::event::{Collision, Participants};
 use crate::observe::correlator::{Correlator, Kind};
@@ -21,7 +22,7 @@ pub const STRESS: usize = 0;
 pub const HEAT: usize = 1;
 
 /// Integrals of stress and energy current.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Transport {
     /// Rates of `W` (xy, yz, zx) and `Q` between collisions.
     rates: [DVec3; 2],

@@ -4,12 +4,13 @@
 //! set right at each look at the state.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::event::{Collision, Participants};
 use crate::state::{Bodies, State};
 
 /// Velocities and masses of all balls, relative to a drift of the whole gas.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Velocities {
     bodies: Bodies,
     drift: DVec3,

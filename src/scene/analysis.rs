@@ -11,6 +11,8 @@ mod container;
 mod enskog;
 mod kinds;
 
+use serde::{Deserialize, Serialize};
+
 use std::f64::consts::PI;
 
 use glam::DVec3;
@@ -71,7 +73,7 @@ pub fn temperature(placement: &Placement, units: Units) -> Option<f64> {
 }
 
 /// Theory of one scene: all that does not depend on the temperature, computed once.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Theory {
     boltzmann: f64,
     /// Pressure over kT.

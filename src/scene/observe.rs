@@ -1,5 +1,7 @@
 //! The table `[observe]`: what is measured on demand.
 
+use serde::{Deserialize, Serialize};
+
 use std::fmt::Write as _;
 
 use clap::ValueEnum;
@@ -9,7 +11,7 @@ use super::{Scene, Species};
 use crate::domain::Boundary;
 
 /// What can be measured on demand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[value(rename_all = "snake_case")]
 pub enum Name {
     /// Neighbours at each distance, and the value at contact
@@ -27,7 +29,7 @@ pub enum Name {
 }
 
 /// What a scene asks to be measured.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Observe {
     /// Simulated time between two looks at all balls; `None` lets the program choose.
     pub every: Option<f64>,

@@ -29,7 +29,7 @@ const SHORTEST_BALL: u64 = 16;
 const MOST_FAULTS: usize = 20;
 
 /// Whether a text is the seed's rather than TOML: its first words are a section or numbers.
-pub(super) fn is_seed_text(text: &str) -> bool {
+pub fn is_seed_text(text: &str) -> bool {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let first = text
         .split(['\n', '\r'])

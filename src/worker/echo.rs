@@ -1,6 +1,9 @@
 //! The echo: how well a reversed run finds its way back to where it started.
 
+use std::sync::Arc;
+
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::snapshot::Echo;
 use crate::state::State;
@@ -24,9 +27,9 @@ const HORIZON: [(f64, f64); 9] = [
 ];
 
 /// Keeps the start of a run, and what has become of the way back.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct EchoWatch {
-    start: Option<Vec<DVec3>>,
+    start: Option<Arc<Vec<DVec3>>>,
     turned_at: Option<f64>,
     error: Option<f64>,
 }
@@ -34,12 +37,18 @@ pub struct EchoWatch {
 impl EchoWatch {
     /// Keeps where the balls are now, if they are not too many.
     pub fn new(state: &State) -> Self {
-        let start = (state.ball_count() <= MOST_BALLS).then(|| positions(state).collect());
+        let start =
+            (state.ball_count() <= MOST_BALLS).then(|| Arc::new(positions(state).collect()));
         Self {
             start,
             turned_at: None,
             error: None,
         }
+    }
+
+    /// Whether it watches so many balls.
+    pub fn fits(&self, ball_count: usize) -> bool {
+        (self.start.as_ref()).is_none_or(|start| start.len() == ball_count)
     }
 
     /// Notes a reversal at this time. A second one ends the way back.

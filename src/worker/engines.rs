@@ -3,14 +3,15 @@
 mod accuracy;
 
 use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
 
 use crate::calendar::{Bounded, Indexed, Lazy};
-use crate::engine::Engine;
 use crate::engine::event_driven::EventDriven;
 use crate::engine::reversible::Reversible;
 use crate::engine::statistical::{self, Plan, Resolution, Statistical};
 use crate::engine::time_stepping::TimeStepping;
 use crate::engine::windowed::Windowed;
+use crate::engine::{Engine, Saved};
 use crate::quantity::plain;
 use crate::scene::analysis::packing_fraction;
 use crate::state::{Placement, State, UnitScale};
@@ -35,7 +36,7 @@ pub enum EngineName {
 }
 
 /// Calendars of engine `event` as `--calendar` names them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum CalendarName {
     /// A heap of one event per ball
     #[default]
@@ -72,7 +73,7 @@ pub struct Wishes {
 }
 
 /// An engine that can run the scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Choice {
     /// [`EventDriven`], with this calendar.
     Event(CalendarName),
@@ -203,6 +204,32 @@ impl Choice {
                 threads,
             } => Box::new(Statistical::new(state, *resolution, *seed, *threads)),
         }
+    }
+
+    /// The engine itself, to go on from what one of its kind has saved; `None` if it was another kind.
+    pub fn resume(&self, state: State, saved: Saved) -> Option<Box<dyn Engine>> {
+        Some(match (self, saved) {
+            (Self::Event(CalendarName::Indexed), Saved::Exact(tally)) => {
+                Box::new(EventDriven::<Indexed>::resume(state, tally))
+            }
+            (Self::Event(CalendarName::Lazy), Saved::Exact(tally)) => {
+                Box::new(EventDriven::<Lazy>::resume(state, tally))
+            }
+            (Self::Event(CalendarName::Bounded), Saved::Exact(tally)) => {
+                Box::new(EventDriven::<Bounded>::resume(state, tally))
+            }
+            (Self::Windowed(threads), Saved::Exact(tally)) => {
+                Box::new(Windowed::resume(state, *threads, tally))
+            }
+            (Self::Reversible, Saved::Reversible(saved)) => {
+                Box::new(Reversible::resume(state, saved))
+            }
+            (Self::Step(_), Saved::Step(saved)) => Box::new(TimeStepping::resume(state, saved)),
+            (Self::Statistical { threads, .. }, Saved::Statistical(saved)) => {
+                Box::new(Statistical::resume(state, *saved, *threads))
+            }
+            _ => return None,
+        })
     }
 
     /// What is wrong with the choice although it can be run: steps so long that they are felt.

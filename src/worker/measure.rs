@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::domain::Boundary;
 use crate::engine::Counters;
@@ -107,7 +108,7 @@ impl Settled {
 
 /// What turns momentum into pressure, as far as the scene has one: both in a container, the virial's alone in a periodic
 /// box, neither in open space.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Pressures {
     wall_area: Option<f64>,
     /// Volume open to the centres, and the kinetic part `N k T` of `p V`.
@@ -159,9 +160,12 @@ impl Pressures {
 }
 
 /// A named ball: where it started, and what theory expects of it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Named {
-    name: String,
-    ball: usize,
+    /// Its name.
+    pub name: String,
+    /// Which ball it is.
+    pub ball: usize,
     start: DVec3,
     theory: Option<Brownian>,
 }

@@ -2,6 +2,8 @@
 
 mod flights;
 
+use serde::{Deserialize, Serialize};
+
 use crate::domain::Boundary;
 use crate::observe::block_sums::Estimate;
 use crate::observe::correlator::Correlator;
@@ -35,6 +37,7 @@ const DIFFUSIVE: [f64; 2] = [10.0, 20.0];
 const HYDRODYNAMIC: [f64; 2] = [5.0, 10.0];
 
 /// What a scene wants measured, and what theory knows of it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Plan {
     observe: Observe,
     units: Units,
@@ -52,6 +55,7 @@ pub struct Plan {
 }
 
 /// Balls whose motion is averaged together.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Group {
     name: String,
     brownian: Option<Brownian>,

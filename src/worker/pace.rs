@@ -1,5 +1,7 @@
 //! How fast a run goes, how long it will take, and how long a slice should be.
 
+use serde::{Deserialize, Serialize};
+
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -19,7 +21,7 @@ const MARK_S: f64 = 0.25;
 const MOST_MARKS: usize = 480;
 
 /// Where a run was at a moment of its wall time.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Mark {
     wall_time: f64,
     time: f64,
@@ -27,7 +29,7 @@ struct Mark {
 }
 
 /// Measures a run against the wall clock, pauses excluded.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Meter {
     wall_time: f64,
     marks: VecDeque<Mark>,

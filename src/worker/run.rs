@@ -6,20 +6,18 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use super::echo::{EchoWatch, horizon};
-use super::measure::{self, Named, Pressures, Settled, Survey};
-use super::observables::{Known, Plan};
+use super::measure::{self, Pressures, Settled, Survey};
+use super::observables::Known;
 use super::pace::{Meter, Slices};
+use super::saved::{Origin, SavedRun, Totals};
+use super::writer::Writer;
 use super::{Options, Slot};
 use crate::engine::{Engine, Stuck};
 use crate::feed::Command;
 use crate::history::{History, Observable, Stretch};
 use crate::observe::Observer;
 use crate::observe::on_demand::OnDemand;
-use crate::scene::Scene;
-use crate::scene::analysis::Theory;
-use crate::snapshot::{
-    Expected, NamedBall, Observed, Phase, Sample, SceneCard, SeriesRow, Snapshot,
-};
+use crate::snapshot::{Expected, NamedBall, Observed, Phase, Sample, SeriesRow, Snapshot};
 use crate::state::{Placement, State};
 
 /// Wall time between two snapshots.
@@ -45,26 +43,21 @@ const LIMITED_SLICE_S: f64 = 0.02;
 
 /// What is fixed when a run starts.
 pub struct Setting {
-    card: Arc<SceneCard>,
-    theory: Theory,
+    origin: Arc<Origin>,
     names: Vec<String>,
-    named: Vec<Named>,
     sampled: Vec<u32>,
-    plan: Option<Plan>,
     options: Options,
 }
 
 impl Setting {
-    /// Takes from the scene what the run needs beside the balls.
-    pub fn new(scene: &Scene, placement: &Placement, options: Options) -> Self {
-        let named = scene.named_balls();
+    /// What the run needs beside the balls.
+    pub fn new(origin: Arc<Origin>, options: Options) -> Self {
+        let named = origin.named.iter();
+        let named: Vec<_> = named.map(|ball| (ball.name.clone(), ball.ball)).collect();
         Self {
-            card: Arc::new(scene.card(placement)),
-            theory: Theory::new(placement, scene.units),
-            sampled: measure::sampled_balls(placement.positions.len(), &named),
-            named: Named::all(scene, placement),
-            plan: Plan::new(scene, placement),
+            sampled: measure::sampled_balls(origin.card.ball_count, &named),
             names: named.into_iter().map(|(name, _)| name).collect(),
+            origin,
             options,
         }
     }
@@ -72,21 +65,19 @@ impl Setting {
     /// The snapshot of a run that has not begun.
     pub fn first_snapshot(&self) -> Snapshot {
         Snapshot::starting(
-            Arc::clone(&self.card),
+            Arc::clone(&self.origin.card),
             self.options.engine.name(),
             self.options.until,
         )
     }
 }
 
-/// Totals at the end of an interval, from which the next one's means are made.
-#[derive(Clone, Copy, Default)]
-struct Totals {
-    time: f64,
-    wall_impulse: f64,
-    pair_virial: f64,
-    pair_collisions: u64,
-    wall_collisions: u64,
+/// What a run begins with.
+pub enum Begin {
+    /// A gas as it was placed.
+    Placed(Placement),
+    /// A run that goes on.
+    Saved(Box<SavedRun>),
 }
 
 struct Run<'a> {
@@ -115,7 +106,8 @@ struct Run<'a> {
     last_row: Totals,
     rows: u64,
     phase: Phase,
-    reversed: bool,
+    /// Simulated times at which time was reversed.
+    reversals: Vec<f64>,
     watched: bool,
     limit: Option<f64>,
     /// Where the limit on the rate counts from.
@@ -124,6 +116,12 @@ struct Run<'a> {
     step_until: Option<f64>,
     /// Where the last slice was to end.
     target: f64,
+    /// What writes checkpoints, if the run has a directory.
+    writer: Option<Writer>,
+    checkpoint_due: Instant,
+    /// Simulated time of the newest checkpoint, written or on its way to the disk.
+    saved_at: Option<f64>,
+    notice: Option<String>,
     setup_time_s: f64,
     sequence: u64,
     published: Instant,
@@ -132,54 +130,54 @@ struct Run<'a> {
 /// Runs until the end, a stop or a failure; gives back the balls and their collisions.
 pub fn run(
     setting: &Setting,
-    placement: Placement,
+    begin: Begin,
     inbox: &Receiver<Command>,
     slot: &Slot,
 ) -> (Placement, Vec<u64>) {
-    let state = State::new(&placement);
-    drop(placement);
-    let observer = Observer::new(&state);
-    let survey_began = Instant::now();
-    let survey = Survey::of(&state, &observer);
-    let survey_due = survey_began + survey_pause(survey_began.elapsed());
-    let engine = setting.options.engine.engine(state);
-    let mut run = Run {
-        setting,
-        inbox,
-        slot,
-        observer,
-        on_demand: (setting.plan.as_ref()).map(|plan| plan.observers(engine.state())),
-        observables: Arc::default(),
-        observables_due: Instant::now(),
-        echo: EchoWatch::new(engine.state()),
-        pressures: Pressures::of(engine.state()),
-        slices: Slices::new(FIRST_SLICE * engine.state().units.time),
-        engine,
-        survey,
-        survey_due,
-        meter: Meter::default(),
-        named: Vec::new(),
-        sample: None,
-        closer_look_due: Instant::now(),
-        history: Arc::default(),
-        history_due: HISTORY_EVERY_S,
-        last_point: (Totals::default(), 0.0),
-        last_row: Totals::default(),
-        rows: 0,
-        phase: Phase::Running,
-        reversed: false,
-        watched: false,
-        limit: None,
-        limit_anchor: (Instant::now(), 0.0),
-        step_until: None,
-        target: 0.0,
-        setup_time_s: setting.options.program_start.elapsed().as_secs_f64(),
-        sequence: 0,
-        published: Instant::now(),
+    let choice = &setting.options.engine;
+    let mut run = match begin {
+        Begin::Placed(placement) => {
+            let state = State::new(&placement);
+            drop(placement);
+            let observer = Observer::new(&state);
+            let survey = Survey::of(&state, &observer);
+            let mut run = Run::new(
+                setting,
+                inbox,
+                slot,
+                (choice.engine(state), observer, survey),
+            );
+            run.echo = EchoWatch::new(run.engine.state());
+            let plan = setting.origin.plan.as_ref();
+            run.on_demand = plan.map(|plan| plan.observers(run.engine.state()));
+            run
+        }
+        Begin::Saved(saved) => {
+            let survey = Survey::of(&saved.state, &saved.observer);
+            let engine = (choice.resume(saved.state, saved.saved))
+                .expect("a checkpoint's engine is the one that is to go on");
+            let mut run = Run::new(setting, inbox, slot, (engine, saved.observer, survey));
+            run.on_demand = saved.on_demand;
+            run.pressures = saved.pressures;
+            run.echo = saved.echo;
+            run.history_due = saved.meter.wall_time() + HISTORY_EVERY_S;
+            run.meter = saved.meter;
+            run.history = saved.history;
+            run.last_point = saved.last_point;
+            run.last_row = saved.last_row;
+            run.rows = saved.rows;
+            run.reversals = saved.reversals;
+            run.target = saved.time;
+            run.limit_anchor.1 = saved.time;
+            run.saved_at = Some(saved.time);
+            run
+        }
     };
+    run.setup_time_s = setting.options.program_start.elapsed().as_secs_f64();
     run.publish(None);
     run.go();
     run.write_history();
+    run.save_at_the_end(); // before the engine is settled, which moves where flights are counted from
     run.engine.settle();
     run.survey = Survey::of(run.engine.state(), &run.observer);
     run.evaluate_observables();
@@ -193,9 +191,58 @@ fn survey_pause(cost: Duration) -> Duration {
     cost.div_f64(SURVEY_SHARE).max(SURVEY_EVERY)
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
+    /// A run that has just begun.
+    fn new(
+        setting: &'a Setting,
+        inbox: &'a Receiver<Command>,
+        slot: &'a Slot,
+        (engine, observer, survey): (Box<dyn Engine>, Observer, Survey),
+    ) -> Self {
+        let now = Instant::now();
+        Self {
+            setting,
+            inbox,
+            slot,
+            observer,
+            on_demand: None,
+            observables: Arc::default(),
+            observables_due: now,
+            echo: EchoWatch::default(),
+            pressures: Pressures::of(engine.state()),
+            slices: Slices::new(FIRST_SLICE * engine.state().units.time),
+            engine,
+            survey,
+            survey_due: now + SURVEY_EVERY,
+            meter: Meter::default(),
+            named: Vec::new(),
+            sample: None,
+            closer_look_due: Instant::now(),
+            history: Arc::default(),
+            history_due: HISTORY_EVERY_S,
+            last_point: (Totals::default(), 0.0),
+            last_row: Totals::default(),
+            rows: 0,
+            phase: Phase::Running,
+            reversals: Vec::new(),
+            watched: false,
+            limit: None,
+            limit_anchor: (now, 0.0),
+            step_until: None,
+            target: 0.0,
+            writer: setting.options.directory.clone().map(Writer::start),
+            checkpoint_due: now + setting.options.checkpoint_every,
+            saved_at: None,
+            notice: None,
+            setup_time_s: 0.0,
+            sequence: 0,
+            published: now,
+        }
+    }
+
     fn go(&mut self) {
         loop {
+            self.save_if_due();
             while let Ok(command) = self.inbox.try_recv() {
                 if self.obey(command).is_break() {
                     return;
@@ -250,7 +297,7 @@ impl Run<'_> {
             Command::Step => {
                 self.phase = Phase::Running;
                 self.limit_anchor = (Instant::now(), self.time());
-                let sample = self.setting.card.sample;
+                let sample = self.setting.origin.card.sample;
                 // A run that stands on a multiple, but for rounding, goes to the next one.
                 self.step_until =
                     Some(((self.time() / sample * (1.0 + 1e-12)).floor() + 1.0) * sample);
@@ -261,13 +308,21 @@ impl Run<'_> {
                 if let Some(on_demand) = &mut self.on_demand {
                     on_demand.reverse(self.engine.state());
                 }
-                self.reversed = !self.reversed;
+                self.reversals.push(self.time());
                 self.echo.turn(self.time());
             }
             Command::LimitTimeRate(limit) => {
                 self.limit = limit;
                 self.limit_anchor = (Instant::now(), self.time());
                 self.meter.restart();
+            }
+            Command::Checkpoint => {
+                self.checkpoint_due = Instant::now();
+                self.saved_at = None;
+                if self.writer.is_none() {
+                    self.notice = Some("no checkpoint: the run has no directory".to_owned());
+                }
+                self.save_if_due();
             }
             Command::Watch(watched) => self.watched = watched,
         }
@@ -289,7 +344,7 @@ impl Run<'_> {
     fn slice(&mut self) -> Result<ControlFlow<()>, Stuck> {
         let began = Instant::now();
         let time = self.time();
-        let sample = self.setting.card.sample;
+        let sample = self.setting.origin.card.sample;
         let next_row = (self.rows + 1) as f64 * sample;
         let mut length = self.slices.length().min(sample);
         if let Some(limit) = self.limit {
@@ -342,11 +397,78 @@ impl Run<'_> {
         Ok(ControlFlow::Continue(()))
     }
 
+    /// Writes a checkpoint, if one is due and the one before is on the disk.
+    fn save_if_due(&mut self) {
+        let time = self.time();
+        if Instant::now() < self.checkpoint_due || self.writer.as_ref().is_none_or(Writer::is_busy)
+        {
+            return;
+        }
+        self.checkpoint_due = Instant::now() + self.setting.options.checkpoint_every;
+        if self.saved_at == Some(time) {
+            return; // nothing has happened since
+        }
+        self.saved_at = Some(time);
+        self.engine.settle();
+        let run = self.save();
+        if let Some(writer) = &mut self.writer {
+            writer.write(run);
+        }
+    }
+
+    /// The last checkpoint; waits until it is on the disk.
+    fn save_at_the_end(&mut self) {
+        let Some(mut writer) = self.writer.take() else {
+            return;
+        };
+        // A gas that got stuck is of no use, and one of another time is safe.
+        if self.saved_at != Some(self.time()) && !matches!(self.phase, Phase::Failed(_)) {
+            self.engine.settle();
+            writer.write(self.save());
+        }
+        writer.finish();
+        self.writer = Some(writer);
+    }
+
+    fn save(&self) -> SavedRun {
+        let state = self.engine.state().clone();
+        SavedRun {
+            origin: Arc::clone(&self.setting.origin),
+            engine: self.setting.options.engine,
+            until: self.setting.options.until,
+            time: self.time(),
+            wall_time_s: self.meter.wall_time(),
+            time_rate: self.meter.rates().map(|(rate, _)| rate),
+            kinetic_energy: state.kinetic_energy(),
+            state,
+            saved: self.engine.save(),
+            observer: self.observer.clone(),
+            on_demand: self.on_demand.clone(),
+            pressures: self.pressures,
+            echo: self.echo.clone(),
+            meter: self.meter.clone(),
+            history: Arc::clone(&self.history),
+            last_point: self.last_point,
+            last_row: self.last_row,
+            rows: self.rows,
+            reversals: self.reversals.clone(),
+        }
+    }
+
+    fn reversed(&self) -> bool {
+        self.reversals.len() % 2 == 1
+    }
+
     /// Advances the gas, and shows it to the observers on demand at their instants, wherever slices end.
     fn run_to(&mut self, target: f64) -> Result<(), Stuck> {
         let units = self.engine.state().units;
         let observer = &mut self.observer;
-        let Some((plan, on_demand)) = self.setting.plan.as_ref().zip(self.on_demand.as_mut())
+        let Some((plan, on_demand)) = self
+            .setting
+            .origin
+            .plan
+            .as_ref()
+            .zip(self.on_demand.as_mut())
         else {
             let until = units.instant(target);
             return (self.engine).advance_in_sums(until, &mut |report| observer.take(report));
@@ -372,15 +494,20 @@ impl Run<'_> {
 
     /// Makes figures and tables of what the observers on demand have found.
     fn evaluate_observables(&mut self) {
-        let Some((plan, on_demand)) = self.setting.plan.as_ref().zip(self.on_demand.as_ref())
+        let Some((plan, on_demand)) = self
+            .setting
+            .origin
+            .plan
+            .as_ref()
+            .zip(self.on_demand.as_ref())
         else {
             return;
         };
         let began = Instant::now();
         let state = self.engine.state();
         let settled = Settled::of(state, &self.observer);
-        let balls = self.setting.card.ball_count as f64;
-        let volume: f64 = self.setting.card.size.iter().product();
+        let balls = self.setting.origin.card.ball_count as f64;
+        let volume: f64 = self.setting.origin.card.size.iter().product();
         let energy = self.survey.thermal_energy.map(|energy| balls * energy);
         let bulk = settled
             .pressure
@@ -498,8 +625,8 @@ impl Run<'_> {
 
     /// `P V / (N k T)`, for a pressure.
     fn compressibility_factor(&self, pressure: Option<f64>) -> Option<f64> {
-        let [x, y, z] = self.setting.card.size;
-        let balls = self.setting.card.ball_count as f64;
+        let [x, y, z] = self.setting.origin.card.size;
+        let balls = self.setting.origin.card.ball_count as f64;
         pressure
             .zip(self.survey.thermal_energy)
             .map(|(p, energy)| p * x * y * z / (balls * energy))
@@ -508,7 +635,7 @@ impl Run<'_> {
     fn temperature(&self) -> Option<f64> {
         self.survey
             .thermal_energy
-            .map(|energy| energy / self.setting.card.units.boltzmann())
+            .map(|energy| energy / self.setting.origin.card.units.boltzmann())
     }
 
     /// Sees where the balls of the picture and the named ones are, unless that would cost too much wall time.
@@ -516,7 +643,7 @@ impl Run<'_> {
         if !self.watched {
             self.sample = None;
         }
-        let wanted = self.watched || !self.setting.named.is_empty();
+        let wanted = self.watched || !self.setting.origin.named.is_empty();
         if !wanted
             || (Instant::now() < self.closer_look_due && self.sample.is_some() == self.watched)
         {
@@ -526,8 +653,9 @@ impl Run<'_> {
         self.engine.settle();
         self.closer_look_due = began + began.elapsed().div_f64(CLOSER_LOOK_SHARE);
         let (state, setting, time) = (self.engine.state(), self.setting, self.time());
-        let temperature = self.temperature().filter(|_| !self.reversed);
+        let temperature = self.temperature().filter(|_| !self.reversed());
         self.named = setting
+            .origin
             .named
             .iter()
             .map(|ball| ball.at(state, temperature, time))
@@ -541,7 +669,7 @@ impl Run<'_> {
         self.look_closer();
         self.sequence += 1;
         self.published = Instant::now();
-        let card = &self.setting.card;
+        let card = &self.setting.origin.card;
         let state = self.engine.state();
         let counters = self.engine.counters();
         let settled = Settled::of(state, &self.observer);
@@ -554,7 +682,7 @@ impl Run<'_> {
         self.slot.put(Snapshot {
             sequence: self.sequence,
             phase: self.phase.clone(),
-            reversed: self.reversed,
+            reversed: self.reversed(),
             time,
             wall_time_s: self.meter.wall_time(),
             setup_time_s: Some(self.setup_time_s),
@@ -578,7 +706,7 @@ impl Run<'_> {
                 .zip(self.survey.mean_speed)
                 .map(|(rate, speed)| balls * speed / (2.0 * rate)),
             expected: temperature.map_or_else(Expected::default, |temperature| {
-                self.setting.theory.at(temperature)
+                self.setting.origin.theory.at(temperature)
             }),
             energy_drift: self.survey.energy_drift,
             momentum_drift: self.survey.momentum_drift,
@@ -593,6 +721,9 @@ impl Run<'_> {
             speeds: self.survey.speeds.clone(),
             queue_length: self.engine.queue_length() as u64,
             queue_length_max: counters.queue_length_max,
+            last_checkpoint: self.writer.as_ref().and_then(Writer::written),
+            notice: (self.writer.as_ref().and_then(Writer::trouble))
+                .or_else(|| self.notice.clone()),
             peak_rss_bytes: measure::peak_memory(),
             state_hash,
             named: self.named.clone(),

@@ -4,6 +4,8 @@
 //! the finest power of two for which no ball can become so fast that a product overflows: no ball is ever faster than
 //! `sqrt(2 E / m)` with the energy E of the whole gas and the smallest mass.
 
+use serde::{Deserialize, Serialize};
+
 use std::fmt;
 
 use crate::domain::{Boundary, Plane};
@@ -53,7 +55,7 @@ pub fn epochs(ticks: i128) -> f64 {
 }
 
 /// What an integer length and velocity are in internal units.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Scale {
     per_length: f64,
     per_velocity: f64,

@@ -6,10 +6,12 @@
 //!
 //! Which tick that is follows from integers alone; f64 numbers only say where to look.
 
+use serde::{Deserialize, Serialize};
+
 use crate::engine::reversible::wide::Wide;
 
 /// What began a flight.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Origin {
     /// The start of the run, or a reversal.
     Start,
@@ -20,7 +22,7 @@ pub enum Origin {
 }
 
 /// A ball in free flight, in integer units.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Flight {
     /// Where the ball was at `at`.
     pub position: [i128; 3],

@@ -54,6 +54,23 @@ impl Gas {
         Ok(gas)
     }
 
+    /// The gas as it was, with its state the same flights rounded.
+    pub fn restored(state: State, scale: Scale, flights: Vec<Flight>) -> Self {
+        let lengths = |vector: DVec3| vector.to_array().map(|length| scale.length(length));
+        Self {
+            flights,
+            half_size: lengths(state.domain.half_size),
+            period: lengths(state.domain.period()),
+            scale,
+            state,
+        }
+    }
+
+    /// The units of the integers.
+    pub fn scale(&self) -> Scale {
+        self.scale
+    }
+
     /// Position and velocity of every ball at the present; in a periodic box the position counts the boxes moved on, modulo
     /// 2^128.
     pub fn words(&self) -> Vec<Words> {

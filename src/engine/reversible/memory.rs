@@ -4,10 +4,12 @@
 //! does. What is remembered lies behind the present or, after a reversal, ahead of it: there it is undone instead of
 //! predicted, which puts it behind again. So time can be turned any number of times.
 
+use serde::{Deserialize, Serialize};
+
 use crate::event::Participants;
 
 /// Something that changed velocities; doing it again undoes it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub enum Deed {
     /// A ball turned at a wall or plane that is perpendicular to an axis.
     Bounce {
@@ -38,7 +40,7 @@ impl Deed {
 }
 
 /// All that happened at a tick, in order.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Happening {
     /// When.
     pub tick: i128,
@@ -47,7 +49,7 @@ pub struct Happening {
 }
 
 /// What is remembered.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Memory {
     behind: Vec<Happening>,
     ahead: Vec<Happening>,
@@ -81,6 +83,14 @@ impl Memory {
         happening.deeds.reverse();
         self.behind.push(happening.clone());
         happening
+    }
+
+    /// Whether it speaks of no more than so many balls.
+    pub fn fits(&self, ball_count: usize) -> bool {
+        let present = std::iter::once(&self.present);
+        let all = self.behind.iter().chain(&self.ahead).chain(present);
+        let mut balls = all.flat_map(|happening| happening.deeds.iter().flat_map(Deed::balls));
+        balls.all(|ball| ball < ball_count)
     }
 
     /// Follows a reversal at a tick.

@@ -3,6 +3,7 @@
 //! Balls lie in the order in which they were put in. A bin takes any number of them, so no gas is too uneven.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// Balls in a chunk: half a kibibyte.
 const CHUNK: usize = 16;
@@ -11,7 +12,7 @@ const CHUNK: usize = 16;
 pub const MOST_BALLS: usize = u32::MAX as usize;
 
 /// A ball between two rounds of collisions, half a cache line. Internal units.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[repr(C, align(32))]
 pub struct Record {
     /// Where its centre is at the next collisions.

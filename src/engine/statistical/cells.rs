@@ -1,6 +1,7 @@
 //! The cells in which partners are drawn: equal boxes that fill the space open to the centres of the balls.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::domain::{Boundary, Domain};
 
@@ -12,7 +13,7 @@ const MOST: f64 = (1 << 20) as f64;
 const MAGIC: f32 = (1 << 23) as f32;
 
 /// The grid.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cells {
     /// How far a centre gets from the middle, along each axis \[length\].
     pub reach: DVec3,

@@ -6,6 +6,8 @@
 
 use std::f64::consts::PI;
 
+use serde::{Deserialize, Serialize};
+
 use crate::domain::Boundary;
 use crate::state::{Body, State};
 
@@ -13,7 +15,7 @@ use crate::state::{Body, State};
 const MEAN_SPEED: f64 = 1.595_769_121_605_730_8;
 
 /// The gas as a mixture of kinds, in internal units.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Mixture {
     /// The kinds: how many balls of which body.
     kinds: Vec<(f64, Body)>,

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use glam::{DVec3, IVec3};
+use serde::{Deserialize, Serialize};
 
 use super::bins::{Bins, Record};
 use super::cells::Cells;
@@ -13,7 +14,7 @@ use crate::event::{Collision, Participants, Wall};
 use crate::state::{Bodies, Body, State, Time};
 
 /// What does not change from step to step.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Rules {
     pub cells: Cells,
     pub boundary: Boundary,

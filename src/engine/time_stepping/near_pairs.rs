@@ -65,6 +65,19 @@ impl NearPairs {
         }
     }
 
+    /// How much nearer balls that are not listed may come without touching; negative for a list that must be made anew.
+    pub fn margin(&self) -> f64 {
+        self.margin
+    }
+
+    /// Lists the pairs anew so that the list is good exactly as far as one that was left.
+    pub fn restore(&mut self, margin: f64, state: &State, places: &[DVec3]) {
+        if margin >= 0.0 {
+            self.list(margin * (1.0 + 4.0 * ROUNDING), state, places);
+        }
+        self.margin = margin;
+    }
+
     /// Makes the list unfit for use.
     pub fn invalidate(&mut self) {
         self.margin = -1.0;

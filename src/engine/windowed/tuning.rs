@@ -9,8 +9,8 @@ use crate::state::{Placement, State};
 /// Cell width in mean spacings of the balls; measured to be best, and flat around.
 const SPACINGS_PER_CELL: f64 = 3.0;
 
-/// Window length in mean times that a ball takes from one cell into the next.
-const CROSSINGS_PER_WINDOW: f64 = 0.8;
+/// Window length in mean times that a ball takes from one cell into the next; measured to be best, and flat around.
+const CROSSINGS_PER_WINDOW: f64 = 1.0;
 
 /// Mean number of cell faces that a Maxwellian ball crosses while moving one cell width at the speed `sqrt(k T / m)`:
 /// `3 sqrt(2 / pi)`, derived here.

@@ -6,6 +6,8 @@
 //!
 //! Sources: Chapman & Cowling, The Mathematical Theory of Non-Uniform Gases; Uhlenbeck & Ornstein, Phys. Rev. 36, 823 (1930).
 
+use serde::{Deserialize, Serialize};
+
 use std::f64::consts::PI;
 
 use super::body;
@@ -18,7 +20,7 @@ use crate::state::Placement;
 const HEAVY: f64 = 20.0;
 
 /// Brownian motion of one ball.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Brownian {
     boltzmann: f64,
     mass: f64,

@@ -5,6 +5,8 @@
 //! Sonine approximations. Computer experiments lie above Enskog's diffusion by up to a fifth at intermediate density (Alder,
 //! Gass & Wainwright, J. Chem. Phys. 53, 3813, 1970), and below it near freezing.
 
+use serde::{Deserialize, Serialize};
+
 use std::f64::consts::PI;
 
 use super::{bulk, packing_fraction};
@@ -15,7 +17,7 @@ use crate::state::{Body, Placement};
 const SPEED_STEPS: usize = 400;
 
 /// A gas of balls alike.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Enskog {
     boltzmann: f64,
     body: Body,

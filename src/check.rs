@@ -8,7 +8,7 @@ use crate::domain::Boundary;
 use crate::engine::windowed::Windowed;
 use crate::quantity::{Quantity, duration, plain, quantity};
 use crate::scene::analysis::{self, Theory};
-use crate::scene::{BYTES_PER_BALL, Scene};
+use crate::scene::{Scene, bytes_per_ball};
 use crate::snapshot::Units;
 use crate::state::Placement;
 use crate::worker::engines::Offer;
@@ -36,6 +36,9 @@ pub fn assumed_speed(placement: &Placement) -> f64 {
 
 /// Balls that engine `step` moves by a step per wall second on one core: an assumption, right within a factor of a few.
 pub const ASSUMED_BALL_STEPS_PER_SECOND: f64 = 2e7;
+
+/// Memory of the program without balls, measured \[bytes\].
+const PROGRAM_BYTES: u64 = 7_000_000;
 
 /// A run that takes longer must be accepted with `--yes` \[s\].
 pub const LONG_RUN: f64 = 3600.0;
@@ -109,8 +112,8 @@ impl Report {
             until,
             cost_in_steps: None,
             cost: cost(expected, placement, until),
-            bytes_per_ball: BYTES_PER_BALL,
-            memory_bytes: BYTES_PER_BALL * ball_count as u64,
+            bytes_per_ball: bytes_per_ball(placement),
+            memory_bytes: PROGRAM_BYTES + bytes_per_ball(placement) * ball_count as u64,
             model: analysis::choices(placement),
             accuracies: Vec::new(),
             warnings: doubts(placement, scene.units),
@@ -230,7 +233,7 @@ impl Report {
         line(
             "memory",
             &format!(
-                "up to about {} MB, {} bytes per ball",
+                "about {} MB, {} bytes per ball",
                 plain(memory),
                 self.bytes_per_ball
             ),

@@ -23,6 +23,8 @@ Examples:
   moltop run configs/seed-512.toml --engine step --dt 0.01
   moltop run configs/oxygen.toml --until 1e-8 --accuracy 1%
   moltop run configs/oxygen.toml --yes       all 20 microseconds: days
+  moltop list                                what is running; `moltop attach` watches the newest
+  moltop stop oxygen                         end a run in good order, by the beginning of its name
   moltop run ~/.local/state/moltop/NAME      go on with a run from its last checkpoint
 
 A scene is a TOML file; its numbers are in its own units, and so are --until and --sample.
@@ -80,6 +82,67 @@ pub enum Command {
         /// How the run is shown.
         #[command(flatten)]
         screen: tui::Options,
+    },
+    /// List the runs: those that are going on, and those that have ended
+    List {
+        /// Print JSON: an array of what `status --json` prints
+        #[arg(long)]
+        json: bool,
+    },
+    /// Say how a run is going
+    Status {
+        /// Name of the run, or the beginning of it [default: the newest one that is going on]
+        run: Option<String>,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Pause a run
+    Pause {
+        /// Name of the run, or the beginning of it
+        run: String,
+    },
+    /// Let a run go on
+    Resume {
+        /// Name of the run, or the beginning of it
+        run: String,
+    },
+    /// Reverse time in a run: every molecule turns back
+    Reverse {
+        /// Name of the run, or the beginning of it
+        run: String,
+    },
+    /// End a run in good order, and wait until its results are written
+    Stop {
+        /// Name of the run, or the beginning of it
+        #[arg(required_unless_present = "all")]
+        run: Option<String>,
+        /// End all runs that are going on
+        #[arg(long, conflicts_with = "run")]
+        all: bool,
+    },
+    /// Print how a run is going, a line now and then, until it ends
+    #[command(
+        after_help = "The exit code is the run's. Example:\n  moltop watch oxygen --jsonl --every 10s | jq .temperature"
+    )]
+    Watch {
+        /// Name of the run, or the beginning of it [default: the newest one that is going on]
+        run: Option<String>,
+        /// Print JSON, an object a line, with what is measured
+        #[arg(long)]
+        jsonl: bool,
+        /// Time between two lines
+        #[arg(long, value_name = "DURATION", default_value = "1s", value_parser = pause)]
+        every: Duration,
+    },
+    /// Print the report of a run that has ended, as Markdown, and write it with its plots (SVG) into its directory
+    Report {
+        /// Name of the run, or the beginning of it, or its directory
+        #[arg(value_name = "RUNDIR")]
+        run: String,
+        /// Write into this directory instead
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
     },
     /// Check a scene, say what it is and what it will cost, and run nothing
     Check {

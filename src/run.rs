@@ -15,7 +15,9 @@ use crate::feed::message::Ending;
 use crate::feed::server::Server;
 use crate::feed::{Command, Feed};
 use crate::output::{SeriesWriter, Target, write_history, write_observed, write_state};
+use crate::report;
 use crate::run_directory::{self, RunDirectory};
+use crate::run_process::logout;
 use crate::scene::{Scene, is_seed_text, observe};
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
@@ -201,6 +203,9 @@ impl Prepared {
         }
         let what = if goes_on { "goes on" } else { "started" };
         tracing::info!(run = directory.name(), pid = std::process::id(), "{what}");
+        if let Some(warning) = logout::warning() {
+            tracing::warn!("{warning}");
+        }
         Ok(directory)
     }
 }
@@ -343,6 +348,10 @@ impl Run {
         let of_run = (self.directory.as_ref()).map(|found| found.target(run_directory::HISTORY));
         for target in of_run.iter().chain(&self.history) {
             written.push(target.write(|writer| write_history(writer, history)));
+        }
+        if let Some(directory) = &self.directory {
+            let path = directory.path();
+            written.push(report::Report::of(path).and_then(|report| report.write(path)));
         }
         let failures: Vec<String> = (written.into_iter().filter_map(Result::err))
             .map(|error| error.to_string())

@@ -150,8 +150,8 @@ fn the_summary_has_every_key_of_its_schema() {
     assert_eq!(
         keys(&summary),
         "accuracy collision_rate collisions_per_wall_second compressibility_factor counters echo echo_horizon energy_drift engine exit kinetic_energy \
-         max_overlap mean_free_path momentum_drift named_balls pair_collisions peak_rss_bytes plane_collisions pressure queue_length \
-         scene schema setup_time_s speeds state_hash temperature time virial_residual wall_collisions wall_time_s"
+         max_overlap mean_free_path momentum_drift named_balls observables pair_collisions peak_rss_bytes plane_collisions pressure queue_length \
+         scene schema setup_time_s speeds state_hash temperature time until virial_residual wall_collisions wall_time_s"
     );
     assert_eq!(
         keys(&summary["scene"]),
@@ -323,6 +323,12 @@ fn a_run_leaves_a_directory_of_its_own() {
         );
         assert!(read("summary.json").contains("\"exit\": \"finished\""));
         assert!(read("log").contains("INFO ended: finished"));
+        let page = output(&directory, &["report", &format!("512-balls-{number}")]);
+        assert!(
+            text(&page.stdout).starts_with("# 512 balls\n")
+                && text(&page.stdout) == read("summary.md")
+        );
+        assert!(read("speeds.svg").starts_with("<svg"));
     }
     let mode = |path: &Path| {
         fs::metadata(path)
@@ -727,4 +733,22 @@ fn generated_and_converted_scenes_run() {
     );
     check_refused(&["generate", "balls", "--radius", "0,5"], "0,5");
     check_refused(&["convert", SCENE, "here"], "must end in .toml");
+}
+
+#[test]
+fn check_knows_how_much_memory_a_run_takes() {
+    let directory = directory();
+    let scene = "units = \"reduced\"\n[domain]\nkind = \"periodic\"\nsize = [60, 60, 60]\n\
+                 [[species]]\ncount = 100000\nradius = 0.5\nmass = 1\nvelocity = { kind = \"normal\", deviation = 1 }\n";
+    fs::write(directory.path().join("scene.toml"), scene).expect("a small file");
+    let check = output(&directory, &["check", "scene.toml", "--json"]);
+    let report: Value = serde_json::from_slice(&check.stdout).expect("JSON");
+    let options = ["--until", "1e-6", "--sample", "1", "--summary", "out.json"];
+    let run = output(&directory, &[&["run", "scene.toml"][..], &options].concat());
+    assert!(run.status.success(), "{}", text(&run.stderr));
+    let taken = json(&directory, "out.json")["peak_rss_bytes"].as_f64();
+    let expected = report["memory_bytes"].as_f64().expect("a number");
+    if let Some(taken) = taken {
+        assert!((taken / expected - 1.0).abs() < 0.25, "{taken} {expected}");
+    }
 }

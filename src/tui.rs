@@ -5,10 +5,12 @@
 
 pub mod app;
 pub mod camera;
+pub mod ceiling;
 pub mod config;
 pub mod copy;
 pub mod format;
 pub mod frame;
+pub mod help;
 pub mod input;
 pub mod keys;
 pub mod link;
@@ -123,7 +125,7 @@ impl<'a> Watcher<'a> {
             feed,
             app,
             pace: Pace::new(options.budget(), options.picture_rate(), now),
-            meter: Meter::new(options.budget(), now),
+            meter: Meter::new(options.budget(), access, now),
             news: News::default(),
             asked: None,
             left_out: now,

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use super::echo::{EchoWatch, horizon};
-use super::measure::{self, Pressures, Settled, Survey};
+use super::measure::{self, Pictures, Pressures, Settled, Survey};
 use super::observables::Known;
 use super::pace::{Meter, Slices};
 use super::saved::{Origin, SavedRun, Totals};
@@ -102,6 +102,7 @@ struct Run<'a> {
     /// Simulated times at which time was reversed.
     reversals: Vec<f64>,
     watched: bool,
+    pictures: Pictures,
     limit: Option<f64>,
     /// Where the limit on the rate counts from.
     limit_anchor: (Instant, f64),
@@ -216,6 +217,7 @@ impl<'a> Run<'a> {
             phase: Phase::Running,
             reversals: Vec::new(),
             watched: false,
+            pictures: Pictures::default(),
             limit: None,
             limit_anchor: (now, 0.0),
             step_until: None,
@@ -625,6 +627,13 @@ impl<'a> Run<'a> {
     }
 
     fn publish(&mut self, state_hash: Option<u64>) {
+        let running = self.phase == Phase::Running;
+        let sample = self.watched.then(|| {
+            let (state, setting) = (self.engine.state(), self.setting);
+            (self.pictures).sample(running, || {
+                measure::sample(state, &setting.sampled, &setting.names)
+            })
+        });
         self.sequence += 1;
         self.published = Instant::now();
         let card = &self.setting.origin.card;
@@ -693,13 +702,7 @@ impl<'a> Run<'a> {
                 .collect(),
             observables: Arc::clone(&self.observables),
             history: Arc::clone(&self.history),
-            sample: self.watched.then(|| {
-                Arc::new(measure::sample(
-                    state,
-                    &self.setting.sampled,
-                    &self.setting.names,
-                ))
-            }),
+            sample,
             ..self.setting.first_snapshot()
         });
     }

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use super::echo::{EchoWatch, horizon};
-use super::measure::{self, Pressures, Settled, Survey};
+use super::measure::{self, Pictures, Pressures, Settled, Survey};
 use super::observables::Known;
 use super::pace::{Meter, Slices};
 use super::saved::{Origin, SavedRun, Totals};
@@ -17,7 +17,7 @@ use crate::feed::Command;
 use crate::history::{History, Observable, Stretch};
 use crate::observe::Observer;
 use crate::observe::on_demand::OnDemand;
-use crate::snapshot::{Expected, NamedBall, Observed, Phase, Sample, SeriesRow, Snapshot};
+use crate::snapshot::{Expected, NamedBall, Observed, Phase, SeriesRow, Snapshot};
 use crate::state::{Placement, State};
 
 /// Wall time between two snapshots.
@@ -29,7 +29,7 @@ const HISTORY_EVERY_S: f64 = 0.5;
 /// Share of the wall time that may go into reading every ball.
 const SURVEY_SHARE: f64 = 0.003;
 
-/// Share of the wall time that may go into settling the engine for a picture.
+/// Share of the wall time that may go into settling the engine for the named balls.
 const CLOSER_LOOK_SHARE: f64 = 0.05;
 
 /// Wall time between two surveys, at least.
@@ -95,9 +95,8 @@ struct Run<'a> {
     survey_due: Instant,
     meter: Meter,
     slices: Slices,
-    /// The named balls and the sample for the picture, as of the last closer look.
+    /// The named balls, as of the last closer look.
     named: Vec<NamedBall>,
-    sample: Option<Arc<Sample>>,
     closer_look_due: Instant,
     history: Arc<History>,
     history_due: f64,
@@ -109,6 +108,7 @@ struct Run<'a> {
     /// Simulated times at which time was reversed.
     reversals: Vec<f64>,
     watched: bool,
+    pictures: Pictures,
     limit: Option<f64>,
     /// Where the limit on the rate counts from.
     limit_anchor: (Instant, f64),
@@ -216,7 +216,6 @@ impl<'a> Run<'a> {
             survey_due: now + SURVEY_EVERY,
             meter: Meter::default(),
             named: Vec::new(),
-            sample: None,
             closer_look_due: Instant::now(),
             history: Arc::default(),
             history_due: HISTORY_EVERY_S,
@@ -226,6 +225,7 @@ impl<'a> Run<'a> {
             phase: Phase::Running,
             reversals: Vec::new(),
             watched: false,
+            pictures: Pictures::default(),
             limit: None,
             limit_anchor: (now, 0.0),
             step_until: None,
@@ -638,35 +638,33 @@ impl<'a> Run<'a> {
             .map(|energy| energy / self.setting.origin.card.units.boltzmann())
     }
 
-    /// Sees where the balls of the picture and the named ones are, unless that would cost too much wall time.
+    /// Sees where the named balls are, unless that would cost too much wall time.
     fn look_closer(&mut self) {
-        if !self.watched {
-            self.sample = None;
-        }
-        let wanted = self.watched || !self.setting.origin.named.is_empty();
-        if !wanted
-            || (Instant::now() < self.closer_look_due && self.sample.is_some() == self.watched)
-        {
+        let named = &self.setting.origin.named;
+        if named.is_empty() || Instant::now() < self.closer_look_due {
             return;
         }
         let began = Instant::now();
         self.engine.settle();
         self.closer_look_due = began + began.elapsed().div_f64(CLOSER_LOOK_SHARE);
-        let (state, setting, time) = (self.engine.state(), self.setting, self.time());
+        let (state, time) = (self.engine.state(), self.time());
         let temperature = self.temperature().filter(|_| !self.reversed());
-        self.named = setting
-            .origin
-            .named
+        self.named = named
             .iter()
             .map(|ball| ball.at(state, temperature, time))
             .collect();
-        self.sample = self
-            .watched
-            .then(|| Arc::new(measure::sample(state, &setting.sampled, &setting.names)));
     }
 
     fn publish(&mut self, state_hash: Option<u64>) {
         self.look_closer();
+        let running = self.phase == Phase::Running;
+        let sample = self.watched.then(|| {
+            let (engine, setting) = (&mut self.engine, self.setting);
+            (self.pictures).sample(running, || {
+                engine.settle();
+                measure::sample(engine.state(), &setting.sampled, &setting.names)
+            })
+        });
         self.sequence += 1;
         self.published = Instant::now();
         let card = &self.setting.origin.card;
@@ -729,7 +727,7 @@ impl<'a> Run<'a> {
             named: self.named.clone(),
             observables: Arc::clone(&self.observables),
             history: Arc::clone(&self.history),
-            sample: self.sample.clone(),
+            sample,
             ..self.setting.first_snapshot()
         });
     }

@@ -343,6 +343,8 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
     let counts = &snapshot.counts;
     if counts.steps > 0 {
         line("steps", counts.steps.to_string());
+    }
+    if snapshot.engine == "step" {
         line(
             "missed collisions",
             match counts.audited_steps {

@@ -278,27 +278,16 @@ impl CellList {
 
     #[inline]
     fn place(&self, cell: Cell) -> usize {
-        // Only in a periodic box are cells counted on beyond the faces.
-        let inside = match self.boundary {
-            Boundary::Periodic => self.wrapped(cell),
-            Boundary::Container | Boundary::Open => cell,
-        };
-        let [x, y, z] = inside.map(|place| place as usize);
-        let [_, count_y, count_z] = self.cell_counts.map(|count| count as usize);
-        (x * count_y + y) * count_z + z
-    }
-
-    /// Where a cell beyond the faces is stored.
-    #[inline]
-    fn wrapped(&self, cell: Cell) -> Cell {
-        std::array::from_fn(|axis| {
+        let [x, y, z] = std::array::from_fn(|axis| {
             let (place, count) = (cell[axis], self.cell_counts[axis]);
-            if 0 <= place && place < count {
+            (if 0 <= place && place < count {
                 place
             } else {
                 place.rem_euclid(count)
-            }
-        })
+            }) as usize
+        });
+        let [_, count_y, count_z] = self.cell_counts.map(|count| count as usize);
+        (x * count_y + y) * count_z + z
     }
 
     fn insert(&mut self, cell: Cell, ball: u32) {

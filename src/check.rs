@@ -11,6 +11,7 @@ use crate::scene::analysis::{self, Theory};
 use crate::scene::{Scene, bytes_per_ball};
 use crate::snapshot::Units;
 use crate::state::Placement;
+use crate::worker::engines::Offer;
 
 /// Pair collisions per wall second on one core, of the engine that `auto` takes: an assumption, right within a factor of a few.
 ///
@@ -62,6 +63,8 @@ pub struct Report {
     bytes_per_ball: u64,
     memory_bytes: u64,
     model: Vec<String>,
+    /// What other accuracies cost.
+    accuracies: Vec<Offer>,
     warnings: Vec<String>,
 }
 
@@ -112,8 +115,13 @@ impl Report {
             bytes_per_ball: bytes_per_ball(placement),
             memory_bytes: PROGRAM_BYTES + bytes_per_ball(placement) * ball_count as u64,
             model: analysis::choices(placement),
+            accuracies: Vec::new(),
             warnings: doubts(placement, scene.units),
         };
+        let exact = (report.cost.zip(until)).map(|(cost, until)| cost.wall_time_s / until);
+        if temperature.is_some_and(|temperature| temperature > 0.0) {
+            report.accuracies = Offer::all(placement, exact);
+        }
         report.warnings.extend(report.find_warnings(placement));
         report
     }
@@ -125,10 +133,17 @@ impl Report {
 
     /// Takes the cost of a run in steps of this length, in the scene's units, for that of a run from event to event.
     pub fn cost_in_steps(&mut self, step: f64) {
-        if let Some(until) = self.until {
-            let wall_time_s = until / step * self.ball_count as f64 / ASSUMED_BALL_STEPS_PER_SECOND;
-            self.cost_in_steps = Some(wall_time_s);
-        }
+        self.cost_per_time(Some(
+            self.ball_count as f64 / ASSUMED_BALL_STEPS_PER_SECOND / step,
+        ));
+    }
+
+    /// Takes these wall seconds per simulated time, in the scene's units, for the cost of a run in steps.
+    pub fn cost_per_time(&mut self, wall_seconds: Option<f64>) {
+        self.cost_in_steps = self
+            .until
+            .zip(wall_seconds)
+            .map(|(until, seconds)| until * seconds);
     }
 
     /// Why the run needs `--yes`, if it does: it has no end in sight, or takes more than an hour.
@@ -142,8 +157,8 @@ impl Report {
         if let Some(wall_time_s) = self.cost_in_steps {
             return (wall_time_s > LONG_RUN).then(|| {
                 format!(
-                    "the run to {} in such steps is estimated at {} (assuming {ASSUMED_BALL_STEPS_PER_SECOND:e} balls moved \
-                     per second): give a smaller --until, a longer --dt, or --yes to accept it",
+                    "the run to {} in such steps is estimated at {}: give a smaller --until, longer steps, or --yes to \
+                     accept it",
                     quantity(until, Quantity::Time, self.units),
                     duration(wall_time_s)
                 )
@@ -225,6 +240,14 @@ impl Report {
         );
         for choice in &self.model {
             line("model", choice);
+        }
+        for offer in &self.accuracies {
+            let seconds = offer.wall_seconds_per_time().zip(self.until);
+            let cost = seconds.map_or(String::new(), |(seconds, until)| {
+                format!("; wall time about {}", duration(seconds * until))
+            });
+            let name = format!("accuracy {}", offer.accuracy());
+            line(&name, &format!("{}{cost}", offer.words()));
         }
         line("until", &show(self.until, Quantity::Time));
         if let Some(cost) = self.cost {

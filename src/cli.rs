@@ -11,7 +11,7 @@ use crate::experiment::{extremes, gas, page};
 use crate::generate::{Draw, Format, GASES};
 use crate::scene::observe::Name;
 use crate::tui;
-use crate::worker::engines::{CalendarName, EngineName};
+use crate::worker::engines::{Accuracy, CalendarName, EngineName};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -21,6 +21,7 @@ Examples:
   moltop run configs/seed-512.toml --summary out.json --series out.csv
   moltop run configs/oxygen.toml --until 1e-10 --state end.csv
   moltop run configs/seed-512.toml --engine step --dt 0.01
+  moltop run configs/oxygen.toml --until 1e-8 --accuracy 1%
   moltop run configs/oxygen.toml --yes       all 20 microseconds: days
   moltop list                                what is running; `moltop attach` watches the newest
   moltop stop oxygen                         end a run in good order, by the beginning of its name
@@ -342,7 +343,16 @@ pub struct RunOptions {
     /// Length of a step of engine step, in the scene's units
     #[arg(long = "dt", value_name = "T", env = "MOLTOP_DT", allow_negative_numbers = true, value_parser = positive)]
     pub step: Option<f64>,
-    /// Threads of engine windowed [default: one for each core]; their number changes no collision
+    /// Engine and step by the largest error of pressure, collision rate, diffusion and viscosity [default: exact]
+    #[arg(long, value_name = "SHARE", env = "MOLTOP_ACCURACY")]
+    pub accuracy: Option<Accuracy>,
+    /// Length of a step of engine statistical, in mean free times [default: 0.2]
+    #[arg(long, value_name = "F", env = "MOLTOP_STEP_FRACTION", allow_negative_numbers = true, value_parser = positive)]
+    pub step_fraction: Option<f64>,
+    /// Cells of engine statistical along a mean free path, as far as there are balls enough for them [default: 6]
+    #[arg(long, value_name = "N", env = "MOLTOP_CELLS_PER_PATH", allow_negative_numbers = true, value_parser = positive)]
+    pub cells_per_path: Option<f64>,
+    /// Threads of engines windowed and statistical [default: one for each core]; their number changes no collision
     #[arg(long, value_name = "N", env = "MOLTOP_THREADS", value_parser = clap::value_parser!(u16).range(1..=64))]
     pub threads: Option<u16>,
     /// Seed of the random placement, instead of the scene's
@@ -374,7 +384,7 @@ pub struct RunOptions {
     /// Wall time between two checkpoints, such as 30s, 10min or 2h
     #[arg(long, value_name = "DURATION", env = "MOLTOP_CHECKPOINT_EVERY", default_value = "10min", value_parser = pause)]
     pub checkpoint_every: Duration,
-    /// Overwrite output files that exist
+    /// Overwrite output files that exist; run engine statistical although the gas is too dense for it
     #[arg(long, env = "MOLTOP_FORCE", value_parser = FalseyValueParser::new())]
     pub force: bool,
 }

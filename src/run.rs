@@ -21,7 +21,7 @@ use crate::run_process::logout;
 use crate::scene::{Scene, is_seed_text, observe};
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
-use crate::worker::engines::{Choice, Wishes};
+use crate::worker::engines::{Accuracy, Choice, EngineName, Offer, Wishes};
 use crate::worker::{LocalFeed, Options, Worker};
 use resumed::Resumed;
 
@@ -222,7 +222,15 @@ impl Placed {
         }
         let placement = scene.place()?;
         let wishes = Wishes {
-            engine: options.engine.unwrap_or(scene.engine),
+            engine: match (options.engine, options.accuracy) {
+                (None, Some(_)) => EngineName::Auto,
+                (engine, _) => engine.unwrap_or(scene.engine),
+            },
+            step_fraction: options.step_fraction,
+            cells_per_path: options.cells_per_path,
+            accuracy: options.accuracy,
+            seed: scene.seed,
+            forced: options.force,
             calendar: options.calendar,
             step: options.step,
             threads: options.threads.map(usize::from),
@@ -233,8 +241,17 @@ impl Placed {
             say(&format!("moltop: warning: {warning}"));
         }
         let mut report = Report::new(&scene, &placement, scene.until);
-        if let Choice::Step(step) = engine {
-            report.cost_in_steps(step);
+        match engine {
+            Choice::Step(step) => report.cost_in_steps(step),
+            Choice::Statistical { .. } => {
+                let offer = Offer::new("", engine, &placement, None);
+                say(&format!("moltop: {}", offer.words()));
+                report.cost_per_time(offer.wall_seconds_per_time());
+            }
+            _ if options.accuracy.is_none_or(|wish| wish == Accuracy::Exact) => {}
+            _ => say(
+                "moltop: no setting of engine statistical is so accurate for this gas: it runs exactly",
+            ),
         }
         Ok(Self {
             scene,

@@ -43,6 +43,16 @@ impl Bodies {
         }
     }
 
+    /// The different bodies.
+    pub fn kinds(&self) -> &[Body] {
+        &self.kinds
+    }
+
+    /// Which of the [`Self::kinds`] a ball is.
+    pub fn kind(&self, ball: usize) -> usize {
+        self.kind_of.get(ball).map_or(0, |&kind| kind as usize)
+    }
+
     /// The one body that all balls share, if they do.
     pub fn uniform(&self) -> Option<Body> {
         if self.kind_of.is_empty() {

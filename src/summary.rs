@@ -283,6 +283,9 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
         "run",
         format!("{}: {} at {end}", snapshot.scene.title, exit.words()),
     );
+    if snapshot.is_approximate() {
+        line("engine", format!("{}, approximate", snapshot.engine));
+    }
     line("wall time", duration(snapshot.wall_time_s));
     line(
         "pair collisions",
@@ -340,6 +343,8 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
     let counts = &snapshot.counts;
     if counts.steps > 0 {
         line("steps", counts.steps.to_string());
+    }
+    if snapshot.engine == "step" {
         line(
             "missed collisions",
             match counts.audited_steps {

@@ -232,6 +232,43 @@ fn the_exact_engines_agree_and_steps_own_up_to_what_they_get_wrong() {
 }
 
 #[test]
+fn an_approximate_engine_says_so_and_has_no_overlaps() {
+    let directory = directory();
+    let arguments = [
+        "run",
+        SCENE,
+        "--engine",
+        "statistical",
+        "--until",
+        "1",
+        "--force",
+        "--summary",
+        "s.json",
+    ];
+    let words = text(&output(&directory, &arguments).stderr);
+    assert!(
+        words.contains("engine statistical, approximate: steps of 0.2"),
+        "{words}"
+    );
+    assert!(
+        words.contains("warning: engine statistical: a packing fraction of 0.10"),
+        "{words}"
+    );
+    let summary = json(&directory, "s.json");
+    assert_eq!(summary["engine"], "statistical");
+    assert!(summary["pair_collisions"].as_u64() > Some(100));
+    for key in [
+        "max_overlap",
+        "momentum_drift",
+        "virial_residual",
+        "echo_horizon",
+    ] {
+        assert!(summary[key].is_null(), "{key}");
+    }
+    assert!(summary["energy_drift"].as_f64().expect("a number").abs() < 1e-6);
+}
+
+#[test]
 fn a_scene_names_its_engine_and_the_command_line_another() {
     let directory = directory();
     let scene = fs::read_to_string(SCENE).expect("the scene");
@@ -503,7 +540,7 @@ fn bad_input_has_exit_code_2() {
     );
     check_refused(
         &["run", SCENE, "--engine", "warp"],
-        "possible values: auto, event, windowed, reversible, step",
+        "possible values: auto, event, windowed, reversible, step, statistical",
     );
     check_refused(&["run", SCENE, "--engine", "step"], "needs --dt T");
     check_refused(
@@ -525,6 +562,14 @@ fn bad_input_has_exit_code_2() {
     check_refused(&["run", SCENE, "--dt", "0.1"], "--dt is for engine step");
     let other = ["run", SCENE, "--engine", "windowed", "--calendar", "lazy"];
     check_refused(&other, "--calendar is for engine event");
+    check_refused(
+        &["run", SCENE, "--step-fraction", "0.1"],
+        "are for engine statistical",
+    );
+    let dense = ["run", SCENE, "--engine", "statistical", "--until", "1"];
+    check_refused(&dense, "is too dense: at most 0.01");
+    let twice = ["run", SCENE, "--engine", "event", "--accuracy", "1%"];
+    check_refused(&twice, "--accuracy chooses the engine");
 }
 
 #[test]

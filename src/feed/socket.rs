@@ -69,6 +69,10 @@ impl SocketFeed {
         };
         let first = greet(&stream, read_only).map_err(|error| {
             failed(match (error.kind(), run.pid()) {
+                (io::ErrorKind::InvalidData, Some(pid)) => format!(
+                    "was started by another moltop, which this one does not understand: watch it with that one; \
+                     `kill {pid}` ends the run in good order"
+                ),
                 (io::ErrorKind::WouldBlock, Some(pid)) => {
                     format!("does not answer; is process {pid} stopped?")
                 }

@@ -17,7 +17,7 @@ use crate::feed::Command;
 use crate::history::{History, Observable, Stretch};
 use crate::observe::Observer;
 use crate::observe::on_demand::OnDemand;
-use crate::snapshot::{Expected, Observed, Phase, SeriesRow, Snapshot};
+use crate::snapshot::{Expected, NamedBall, Observed, Phase, SeriesRow, Snapshot};
 use crate::state::{Placement, State};
 
 /// Wall time between two snapshots.
@@ -28,6 +28,9 @@ const HISTORY_EVERY_S: f64 = 0.5;
 
 /// Share of the wall time that may go into reading every ball.
 const SURVEY_SHARE: f64 = 0.003;
+
+/// Share of the wall time that may go into settling the engine for the named balls.
+const CLOSER_LOOK_SHARE: f64 = 0.05;
 
 /// Wall time between two surveys, at least.
 const SURVEY_EVERY: Duration = Duration::from_secs(1);
@@ -92,6 +95,9 @@ struct Run<'a> {
     survey_due: Instant,
     meter: Meter,
     slices: Slices,
+    /// The named balls, as of the last closer look.
+    named: Vec<NamedBall>,
+    closer_look_due: Instant,
     history: Arc<History>,
     history_due: f64,
     /// Where the last stretch of the history ended, and the wall time then.
@@ -209,6 +215,8 @@ impl<'a> Run<'a> {
             survey,
             survey_due: now + SURVEY_EVERY,
             meter: Meter::default(),
+            named: Vec::new(),
+            closer_look_due: Instant::now(),
             history: Arc::default(),
             history_due: HISTORY_EVERY_S,
             last_point: (Totals::default(), 0.0),
@@ -401,6 +409,7 @@ impl<'a> Run<'a> {
             return; // nothing has happened since
         }
         self.saved_at = Some(time);
+        self.engine.settle();
         let run = self.save();
         if let Some(writer) = &mut self.writer {
             writer.write(run);
@@ -414,6 +423,7 @@ impl<'a> Run<'a> {
         };
         // A gas that got stuck is of no use, and one of another time is safe.
         if self.saved_at != Some(self.time()) && !matches!(self.phase, Phase::Failed(_)) {
+            self.engine.settle();
             writer.write(self.save());
         }
         writer.finish();
@@ -461,7 +471,7 @@ impl<'a> Run<'a> {
             .zip(self.on_demand.as_mut())
         else {
             let until = units.instant(target);
-            return (self.engine).advance(until, &mut |collision| observer.record(collision));
+            return (self.engine).advance_in_sums(until, &mut |report| observer.take(report));
         };
         loop {
             let due = on_demand.looks as f64 * plan.every();
@@ -472,11 +482,12 @@ impl<'a> Run<'a> {
                     on_demand.record(collision);
                 })?;
             } else {
-                (self.engine).advance(until, &mut |collision| observer.record(collision))?;
+                (self.engine).advance_in_sums(until, &mut |report| observer.take(report))?;
             }
             if due > target {
                 return Ok(());
             }
+            self.engine.settle();
             on_demand.look(self.engine.state());
         }
     }
@@ -517,6 +528,7 @@ impl<'a> Run<'a> {
 
     fn look_at_every_ball(&mut self) {
         let began = Instant::now();
+        self.engine.settle();
         self.survey = Survey::of(self.engine.state(), &self.observer);
         self.survey_due = Instant::now() + survey_pause(began.elapsed());
     }
@@ -626,12 +638,31 @@ impl<'a> Run<'a> {
             .map(|energy| energy / self.setting.origin.card.units.boltzmann())
     }
 
+    /// Sees where the named balls are, unless that would cost too much wall time.
+    fn look_closer(&mut self) {
+        let named = &self.setting.origin.named;
+        if named.is_empty() || Instant::now() < self.closer_look_due {
+            return;
+        }
+        let began = Instant::now();
+        self.engine.settle();
+        self.closer_look_due = began + began.elapsed().div_f64(CLOSER_LOOK_SHARE);
+        let (state, time) = (self.engine.state(), self.time());
+        let temperature = self.temperature().filter(|_| !self.reversed());
+        self.named = named
+            .iter()
+            .map(|ball| ball.at(state, temperature, time))
+            .collect();
+    }
+
     fn publish(&mut self, state_hash: Option<u64>) {
+        self.look_closer();
         let running = self.phase == Phase::Running;
         let sample = self.watched.then(|| {
-            let (state, setting) = (self.engine.state(), self.setting);
+            let (engine, setting) = (&mut self.engine, self.setting);
             (self.pictures).sample(running, || {
-                measure::sample(state, &setting.sampled, &setting.names)
+                engine.settle();
+                measure::sample(engine.state(), &setting.sampled, &setting.names)
             })
         });
         self.sequence += 1;
@@ -684,7 +715,7 @@ impl<'a> Run<'a> {
                 card.packing_fraction,
                 pair_rate.map_or(0.0, |rate| 2.0 * rate / balls),
             )
-            .filter(|_| self.engine.name() != "reversible"),
+            .filter(|_| !matches!(self.engine.name(), "reversible" | "statistical")),
             speeds: self.survey.speeds.clone(),
             queue_length: self.engine.queue_length() as u64,
             queue_length_max: counters.queue_length_max,
@@ -693,13 +724,7 @@ impl<'a> Run<'a> {
                 .or_else(|| self.notice.clone()),
             peak_rss_bytes: measure::peak_memory(),
             state_hash,
-            named: self
-                .setting
-                .origin
-                .named
-                .iter()
-                .map(|ball| ball.at(state, temperature.filter(|_| !self.reversed()), time))
-                .collect(),
+            named: self.named.clone(),
             observables: Arc::clone(&self.observables),
             history: Arc::clone(&self.history),
             sample,

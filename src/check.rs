@@ -8,9 +8,10 @@ use crate::domain::Boundary;
 use crate::engine::windowed::Windowed;
 use crate::quantity::{Quantity, duration, plain, quantity};
 use crate::scene::analysis::{self, Theory};
-use crate::scene::{BYTES_PER_BALL, Scene};
+use crate::scene::{Scene, bytes_per_ball};
 use crate::snapshot::Units;
 use crate::state::Placement;
+use crate::worker::engines::Offer;
 
 /// Pair collisions per wall second on one core, of the engine that `auto` takes: an assumption, right within a factor of a few.
 ///
@@ -36,6 +37,9 @@ pub fn assumed_speed(placement: &Placement) -> f64 {
 /// Balls that engine `step` moves by a step per wall second on one core: an assumption, right within a factor of a few.
 pub const ASSUMED_BALL_STEPS_PER_SECOND: f64 = 2e7;
 
+/// Memory of the program without balls, measured \[bytes\].
+const PROGRAM_BYTES: u64 = 7_000_000;
+
 /// A run that takes longer must be accepted with `--yes` \[s\].
 pub const LONG_RUN: f64 = 3600.0;
 
@@ -59,6 +63,8 @@ pub struct Report {
     bytes_per_ball: u64,
     memory_bytes: u64,
     model: Vec<String>,
+    /// What other accuracies cost.
+    accuracies: Vec<Offer>,
     warnings: Vec<String>,
 }
 
@@ -106,11 +112,16 @@ impl Report {
             until,
             cost_in_steps: None,
             cost: cost(expected, placement, until),
-            bytes_per_ball: BYTES_PER_BALL,
-            memory_bytes: BYTES_PER_BALL * ball_count as u64,
+            bytes_per_ball: bytes_per_ball(placement),
+            memory_bytes: PROGRAM_BYTES + bytes_per_ball(placement) * ball_count as u64,
             model: analysis::choices(placement),
+            accuracies: Vec::new(),
             warnings: doubts(placement, scene.units),
         };
+        let exact = (report.cost.zip(until)).map(|(cost, until)| cost.wall_time_s / until);
+        if temperature.is_some_and(|temperature| temperature > 0.0) {
+            report.accuracies = Offer::all(placement, exact);
+        }
         report.warnings.extend(report.find_warnings(placement));
         report
     }
@@ -122,10 +133,17 @@ impl Report {
 
     /// Takes the cost of a run in steps of this length, in the scene's units, for that of a run from event to event.
     pub fn cost_in_steps(&mut self, step: f64) {
-        if let Some(until) = self.until {
-            let wall_time_s = until / step * self.ball_count as f64 / ASSUMED_BALL_STEPS_PER_SECOND;
-            self.cost_in_steps = Some(wall_time_s);
-        }
+        self.cost_per_time(Some(
+            self.ball_count as f64 / ASSUMED_BALL_STEPS_PER_SECOND / step,
+        ));
+    }
+
+    /// Takes these wall seconds per simulated time, in the scene's units, for the cost of a run in steps.
+    pub fn cost_per_time(&mut self, wall_seconds: Option<f64>) {
+        self.cost_in_steps = self
+            .until
+            .zip(wall_seconds)
+            .map(|(until, seconds)| until * seconds);
     }
 
     /// Why the run needs `--yes`, if it does: it has no end in sight, or takes more than an hour.
@@ -139,8 +157,8 @@ impl Report {
         if let Some(wall_time_s) = self.cost_in_steps {
             return (wall_time_s > LONG_RUN).then(|| {
                 format!(
-                    "the run to {} in such steps is estimated at {} (assuming {ASSUMED_BALL_STEPS_PER_SECOND:e} balls moved \
-                     per second): give a smaller --until, a longer --dt, or --yes to accept it",
+                    "the run to {} in such steps is estimated at {}: give a smaller --until, longer steps, or --yes to \
+                     accept it",
                     quantity(until, Quantity::Time, self.units),
                     duration(wall_time_s)
                 )
@@ -215,13 +233,21 @@ impl Report {
         line(
             "memory",
             &format!(
-                "up to about {} MB, {} bytes per ball",
+                "about {} MB, {} bytes per ball",
                 plain(memory),
                 self.bytes_per_ball
             ),
         );
         for choice in &self.model {
             line("model", choice);
+        }
+        for offer in &self.accuracies {
+            let seconds = offer.wall_seconds_per_time().zip(self.until);
+            let cost = seconds.map_or(String::new(), |(seconds, until)| {
+                format!("; wall time about {}", duration(seconds * until))
+            });
+            let name = format!("accuracy {}", offer.accuracy());
+            line(&name, &format!("{}{cost}", offer.words()));
         }
         line("until", &show(self.until, Quantity::Time));
         if let Some(cost) = self.cost {

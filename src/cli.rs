@@ -11,7 +11,7 @@ use crate::experiment::{extremes, gas, page};
 use crate::generate::{Draw, Format, GASES};
 use crate::scene::observe::Name;
 use crate::tui;
-use crate::worker::engines::{CalendarName, EngineName};
+use crate::worker::engines::{Accuracy, CalendarName, EngineName};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -21,7 +21,10 @@ Examples:
   moltop run configs/seed-512.toml --summary out.json --series out.csv
   moltop run configs/oxygen.toml --until 1e-10 --state end.csv
   moltop run configs/seed-512.toml --engine step --dt 0.01
+  moltop run configs/oxygen.toml --until 1e-8 --accuracy 1%
   moltop run configs/oxygen.toml --yes       all 20 microseconds: days
+  moltop list                                what is running; `moltop attach` watches the newest
+  moltop stop oxygen                         end a run in good order, by the beginning of its name
   moltop run ~/.local/state/moltop/NAME      go on with a run from its last checkpoint
 
 A scene is a TOML file; its numbers are in its own units, and so are --until and --sample.
@@ -79,6 +82,67 @@ pub enum Command {
         /// How the run is shown.
         #[command(flatten)]
         screen: tui::Options,
+    },
+    /// List the runs: those that are going on, and those that have ended
+    List {
+        /// Print JSON: an array of what `status --json` prints
+        #[arg(long)]
+        json: bool,
+    },
+    /// Say how a run is going
+    Status {
+        /// Name of the run, or the beginning of it [default: the newest one that is going on]
+        run: Option<String>,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Pause a run
+    Pause {
+        /// Name of the run, or the beginning of it
+        run: String,
+    },
+    /// Let a run go on
+    Resume {
+        /// Name of the run, or the beginning of it
+        run: String,
+    },
+    /// Reverse time in a run: every molecule turns back
+    Reverse {
+        /// Name of the run, or the beginning of it
+        run: String,
+    },
+    /// End a run in good order, and wait until its results are written
+    Stop {
+        /// Name of the run, or the beginning of it
+        #[arg(required_unless_present = "all")]
+        run: Option<String>,
+        /// End all runs that are going on
+        #[arg(long, conflicts_with = "run")]
+        all: bool,
+    },
+    /// Print how a run is going, a line now and then, until it ends
+    #[command(
+        after_help = "The exit code is the run's. Example:\n  moltop watch oxygen --jsonl --every 10s | jq .temperature"
+    )]
+    Watch {
+        /// Name of the run, or the beginning of it [default: the newest one that is going on]
+        run: Option<String>,
+        /// Print JSON, an object a line, with what is measured
+        #[arg(long)]
+        jsonl: bool,
+        /// Time between two lines
+        #[arg(long, value_name = "DURATION", default_value = "1s", value_parser = pause)]
+        every: Duration,
+    },
+    /// Print the report of a run that has ended, as Markdown, and write it with its plots (SVG) into its directory
+    Report {
+        /// Name of the run, or the beginning of it, or its directory
+        #[arg(value_name = "RUNDIR")]
+        run: String,
+        /// Write into this directory instead
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
     },
     /// Check a scene, say what it is and what it will cost, and run nothing
     Check {
@@ -282,7 +346,16 @@ pub struct RunOptions {
     /// Length of a step of engine step, in the scene's units
     #[arg(long = "dt", value_name = "T", env = "MOLTOP_DT", allow_negative_numbers = true, value_parser = positive)]
     pub step: Option<f64>,
-    /// Threads of engine windowed [default: one for each core]; their number changes no collision
+    /// Engine and step by the largest error of pressure, collision rate, diffusion and viscosity [default: exact]
+    #[arg(long, value_name = "SHARE", env = "MOLTOP_ACCURACY")]
+    pub accuracy: Option<Accuracy>,
+    /// Length of a step of engine statistical, in mean free times [default: 0.2]
+    #[arg(long, value_name = "F", env = "MOLTOP_STEP_FRACTION", allow_negative_numbers = true, value_parser = positive)]
+    pub step_fraction: Option<f64>,
+    /// Cells of engine statistical along a mean free path, as far as there are balls enough for them [default: 6]
+    #[arg(long, value_name = "N", env = "MOLTOP_CELLS_PER_PATH", allow_negative_numbers = true, value_parser = positive)]
+    pub cells_per_path: Option<f64>,
+    /// Threads of engines windowed and statistical [default: one for each core]; their number changes no collision
     #[arg(long, value_name = "N", env = "MOLTOP_THREADS", value_parser = clap::value_parser!(u16).range(1..=64))]
     pub threads: Option<u16>,
     /// Seed of the random placement, instead of the scene's
@@ -314,7 +387,7 @@ pub struct RunOptions {
     /// Wall time between two checkpoints, such as 30s, 10min or 2h
     #[arg(long, value_name = "DURATION", env = "MOLTOP_CHECKPOINT_EVERY", default_value = "10min", value_parser = pause)]
     pub checkpoint_every: Duration,
-    /// Overwrite output files that exist
+    /// Overwrite output files that exist; run engine statistical although the gas is too dense for it
     #[arg(long, env = "MOLTOP_FORCE", value_parser = FalseyValueParser::new())]
     pub force: bool,
 }

@@ -9,6 +9,8 @@ use crate::state::{State, Time};
 pub mod contact;
 pub mod event_driven;
 pub mod reversible;
+pub mod statistical;
+pub mod step_clock;
 pub mod time_stepping;
 pub mod windowed;
 
@@ -23,7 +25,19 @@ pub trait Engine: Send {
     /// [`Stuck`] if a ball collides without end at one instant, as in a packing without room.
     fn advance(&mut self, until: Time, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck>;
 
-    /// The gas.
+    /// Like [`Engine::advance`], but an engine that goes in steps may sum up what happens in each, which is much cheaper.
+    ///
+    /// # Errors
+    /// As [`Engine::advance`].
+    fn advance_in_sums(
+        &mut self,
+        until: Time,
+        report: &mut dyn FnMut(Report),
+    ) -> Result<(), Stuck> {
+        self.advance(until, &mut |collision| report(Report::One(collision)))
+    }
+
+    /// The gas: its present, and the balls as of the last time it was settled, if the engine has to.
     fn state(&self) -> &State;
 
     /// Makes the state as exact as the engine knows it, for an engine that knows more than the state; changes no event.
@@ -42,6 +56,64 @@ pub trait Engine: Send {
     fn queue_length(&self) -> usize;
 }
 
+/// What an engine reports.
+#[derive(Clone, Copy, Debug)]
+pub enum Report<'a> {
+    /// A collision.
+    One(&'a Collision),
+    /// All collisions in a stretch of time.
+    Sums(&'a Sums),
+}
+
+/// What happened in a stretch of time, spread evenly over it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Sums {
+    /// When the stretch begins.
+    pub begin: Time,
+    /// When it ends.
+    pub end: Time,
+    /// Ball-ball collisions.
+    pub pair_collisions: u64,
+    /// Collisions with container walls.
+    pub wall_collisions: u64,
+    /// `sum of r . dp` over the pair collisions.
+    pub pair_virial: f64,
+    /// Momentum given to the walls, perpendicular to them.
+    pub wall_impulse: f64,
+}
+
+impl Sums {
+    /// The part of these sums that falls into the first `share` of their time; counts are rounded down.
+    #[must_use]
+    pub fn share(&self, share: f64) -> Self {
+        let part = |all: u64| (all as f64 * share) as u64;
+        Self {
+            begin: self.begin,
+            end: self
+                .begin
+                .after(share * self.end.since(self.begin))
+                .unwrap_or(self.end),
+            pair_collisions: part(self.pair_collisions),
+            wall_collisions: part(self.wall_collisions),
+            pair_virial: share * self.pair_virial,
+            wall_impulse: share * self.wall_impulse,
+        }
+    }
+
+    /// What is left of these sums when an earlier part, with the same beginning, is taken away.
+    #[must_use]
+    pub fn since(&self, earlier: &Self) -> Self {
+        Self {
+            begin: earlier.end,
+            end: self.end,
+            pair_collisions: self.pair_collisions - earlier.pair_collisions,
+            wall_collisions: self.wall_collisions - earlier.wall_collisions,
+            pair_virial: self.pair_virial - earlier.pair_virial,
+            wall_impulse: self.wall_impulse - earlier.wall_impulse,
+        }
+    }
+}
+
 /// What an engine knows beyond its [`State`] and cannot work out from it, between two calls of [`Engine::advance`].
 ///
 /// Each engine has a `resume` that takes a state and this, and from there on gives the same collisions, bit for bit. What can be
@@ -55,6 +127,8 @@ pub enum Saved {
     Reversible(reversible::Saved),
     /// The engine of fixed steps.
     Step(time_stepping::Saved),
+    /// The statistical engine.
+    Statistical(Box<statistical::Saved>),
 }
 
 /// What an exact engine has counted.
@@ -73,6 +147,7 @@ impl Saved {
             Self::Exact(tally) => tally.instants.fits(ball_count),
             Self::Reversible(saved) => saved.fits(ball_count),
             Self::Step(saved) => saved.fits(ball_count),
+            Self::Statistical(saved) => saved.fits(ball_count),
         }
     }
 }

@@ -143,7 +143,8 @@ pub struct Collision {
     pub virial: f64,
     /// Jump of `sum of m r . v`, with the positions as they are: what the ledger is made from.
     pub radial_jump: f64,
-    /// Distance between the surfaces over the contact distance: negative for an overlap. Zero for walls and planes.
+    /// Distance between the surfaces over the contact distance: negative for an overlap. Zero for walls and planes, NaN for
+    /// partners that were drawn and do not touch.
     pub gap: f64,
 }
 

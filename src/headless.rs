@@ -102,7 +102,8 @@ impl Progress {
     }
 }
 
-fn line(snapshot: &Snapshot) -> String {
+/// How far a run is, in a line.
+pub fn line(snapshot: &Snapshot) -> String {
     let units = snapshot.scene.units;
     if snapshot.phase == Phase::Starting {
         return format!("starting with {} balls", snapshot.scene.ball_count);

@@ -14,7 +14,7 @@
 //! * Simulation time meets the wall clock only in [`worker`].
 //! * One type, [`snapshot::Snapshot`], leaves the engine thread.
 //! * Same scene, seed and engine give the same collisions in the same order, bit for bit.
-//! * Randomness ends when placement ends.
+//! * Randomness ends when placement ends; the statistical engine alone draws, as a pure function of seed, step and cell.
 //! * A ball *is* a trajectory ([`state::Trajectory`]). A prediction is a pure function of two trajectories, or of one and a
 //!   wall, never of the current time; cell crossings change no trajectory.
 //! * Time is an epoch count plus a local time ([`state::Time`]), so precision does not fade in long runs.
@@ -46,9 +46,11 @@ pub mod headless;
 pub mod history;
 pub mod output;
 pub mod quantity;
+pub mod report;
 pub mod run;
 pub mod run_directory;
 pub mod run_process;
+pub mod runs;
 pub mod scene;
 pub mod signals;
 pub mod snapshot;

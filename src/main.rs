@@ -2,12 +2,12 @@
 
 use std::fs;
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::{CommandFactory, Parser};
-use moltop::check::Report;
+use moltop::check;
 use moltop::cli::{Cli, Command, Experiment, Generate, RunOptions};
 use moltop::convert::convert;
 use moltop::error::{Error, Result};
@@ -17,9 +17,11 @@ use moltop::feed::{self, Access, Feed};
 use moltop::generate::{self, Balls, Extent, GASES};
 use moltop::headless;
 use moltop::output::Target;
+use moltop::report::Report;
 use moltop::run::{Prepared, load, say, tell};
 use moltop::run_directory::Found;
-use moltop::run_process::{self, Started};
+use moltop::run_process::{self, Started, logout};
+use moltop::runs;
 use moltop::signals::Signals;
 use moltop::summary::Exit;
 use moltop::tui::{self, Leave};
@@ -37,6 +39,16 @@ fn main() -> ExitCode {
             read_only,
             screen,
         }) => attach(run.as_deref(), read_only, screen),
+        Some(Command::List { json }) => runs::list(json).and_then(|text| print(text.as_bytes())),
+        Some(Command::Status { run, json }) => {
+            runs::status(run.as_deref(), json).and_then(|text| print(text.as_bytes()))
+        }
+        Some(Command::Pause { run }) => runs::command(&run, feed::Command::Pause),
+        Some(Command::Resume { run }) => runs::command(&run, feed::Command::Resume),
+        Some(Command::Reverse { run }) => runs::command(&run, feed::Command::Reverse),
+        Some(Command::Stop { run, .. }) => stop(run.as_deref()),
+        Some(Command::Watch { run, jsonl, every }) => runs::watch(run.as_deref(), jsonl, every),
+        Some(Command::Report { run, out }) => report(&run, out.as_deref()),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
         Some(Command::Check { scene, json }) => check(scene.as_ref(), json),
         Some(Command::Experiment(what)) => experiment(&what),
@@ -113,6 +125,30 @@ fn attach(run: Option<&str>, read_only: bool, screen: tui::Options) -> Result<u8
     watch(&run, access, screen)
 }
 
+fn report(run: &str, out: Option<&Path>) -> Result<u8> {
+    let run = Found::by_name(run)?;
+    if run.is_going_on() {
+        let name = &run.name;
+        return Err(Error::Usage(format!(
+            "{name}: is going on, and has its report when it ends: `moltop status {name}` says how it is going"
+        )));
+    }
+    let report = Report::of(&run.path)?;
+    report.write(out.unwrap_or(&run.path))?;
+    print(report.markdown.as_bytes())
+}
+
+/// Ends a run, or all that are going on.
+fn stop(run: Option<&str>) -> Result<u8> {
+    let runs = if let Some(run) = run {
+        vec![Found::by_name(run)?]
+    } else {
+        let all = Found::all()?;
+        all.into_iter().filter(Found::is_going_on).collect()
+    };
+    runs::stop(&runs)
+}
+
 /// Watches a run of another process until the user leaves it.
 fn watch(run: &Found, access: Access, screen: &tui::Options) -> Result<u8> {
     let signals = Signals::listen()?;
@@ -123,6 +159,9 @@ fn watch(run: &Found, access: Access, screen: &tui::Options) -> Result<u8> {
         say(&format!(
             "{name} goes on: `moltop attach {name}` watches it, `moltop stop {name}` ends it"
         ));
+        if let Some(warning) = logout::warning() {
+            say(&format!("moltop: warning: {warning}"));
+        }
     };
     match left? {
         Leave::Detach => goes_on(),
@@ -135,7 +174,7 @@ fn watch(run: &Found, access: Access, screen: &tui::Options) -> Result<u8> {
         Leave::HangUp => return Ok(Exit::Signal(SIGHUP).code()),
         Leave::Quit | Leave::Stopped => {
             feed.send(feed::Command::Stop);
-            return run_process::wait_for_end(run, &feed, &signals).map(|ending| tell(&ending));
+            return runs::wait_for_end(&feed, &signals).map(|ending| tell(&ending));
         }
     }
     Ok(0)
@@ -169,7 +208,7 @@ fn experiment(what: &Experiment) -> Result<u8> {
 
 fn check(scene: Option<&PathBuf>, json: bool) -> Result<u8> {
     let scene = load(scene)?;
-    let report = Report::new(&scene, &scene.place()?, scene.until);
+    let report = check::Report::new(&scene, &scene.place()?, scene.until);
     if json {
         let text = serde_json::to_string_pretty(&report).expect("a report is plain data");
         print(format!("{text}\n").as_bytes())

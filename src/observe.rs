@@ -19,6 +19,7 @@ pub mod velocities;
 
 use serde::{Deserialize, Serialize};
 
+use crate::engine::Report;
 use crate::event::{Collision, Participants};
 use crate::observe::blocks::Blocks;
 use crate::observe::ledger::Ledger;
@@ -45,12 +46,27 @@ impl Observer {
         }
     }
 
+    /// Takes a report of an engine into account.
+    #[inline]
+    pub fn take(&mut self, report: Report) {
+        match report {
+            Report::One(collision) => self.record(collision),
+            Report::Sums(sums) => {
+                self.blocks.record_sums(sums);
+                self.ledger.record_sums(sums);
+            }
+        }
+    }
+
     /// Takes a collision into account.
     #[inline]
     pub fn record(&mut self, collision: &Collision) {
         self.blocks.record(collision);
         self.ledger.record(collision);
-        if let Participants::Pair(..) = collision.participants {
+        // Where centres do not touch there is no gap, and so no overlap.
+        if let Participants::Pair(..) = collision.participants
+            && !collision.gap.is_nan()
+        {
             self.max_overlap = Some(self.max_overlap.unwrap_or(0.0).max(-collision.gap));
         }
     }

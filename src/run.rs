@@ -15,11 +15,13 @@ use crate::feed::message::Ending;
 use crate::feed::server::Server;
 use crate::feed::{Command, Feed};
 use crate::output::{SeriesWriter, Target, write_history, write_observed, write_state};
+use crate::report;
 use crate::run_directory::{self, RunDirectory};
+use crate::run_process::logout;
 use crate::scene::{Scene, is_seed_text, observe};
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
-use crate::worker::engines::{Choice, Wishes};
+use crate::worker::engines::{Accuracy, Choice, EngineName, Offer, Wishes};
 use crate::worker::{LocalFeed, Options, Worker};
 use resumed::Resumed;
 
@@ -205,6 +207,9 @@ impl Prepared {
         }
         let what = if goes_on { "goes on" } else { "started" };
         tracing::info!(run = directory.name(), pid = std::process::id(), "{what}");
+        if let Some(warning) = logout::warning() {
+            tracing::warn!("{warning}");
+        }
         Ok(directory)
     }
 }
@@ -221,7 +226,15 @@ impl Placed {
         }
         let placement = scene.place()?;
         let wishes = Wishes {
-            engine: options.engine.unwrap_or(scene.engine),
+            engine: match (options.engine, options.accuracy) {
+                (None, Some(_)) => EngineName::Auto,
+                (engine, _) => engine.unwrap_or(scene.engine),
+            },
+            step_fraction: options.step_fraction,
+            cells_per_path: options.cells_per_path,
+            accuracy: options.accuracy,
+            seed: scene.seed,
+            forced: options.force,
             calendar: options.calendar,
             step: options.step,
             threads: options.threads.map(usize::from),
@@ -232,8 +245,17 @@ impl Placed {
             say(&format!("moltop: warning: {warning}"));
         }
         let mut report = Report::new(&scene, &placement, scene.until);
-        if let Choice::Step(step) = engine {
-            report.cost_in_steps(step);
+        match engine {
+            Choice::Step(step) => report.cost_in_steps(step),
+            Choice::Statistical { .. } => {
+                let offer = Offer::new("", engine, &placement, None);
+                say(&format!("moltop: {}", offer.words()));
+                report.cost_per_time(offer.wall_seconds_per_time());
+            }
+            _ if options.accuracy.is_none_or(|wish| wish == Accuracy::Exact) => {}
+            _ => say(
+                "moltop: no setting of engine statistical is so accurate for this gas: it runs exactly",
+            ),
         }
         Ok(Self {
             scene,
@@ -330,6 +352,10 @@ impl Run {
         let of_run = (self.directory.as_ref()).map(|found| found.target(run_directory::HISTORY));
         for target in of_run.iter().chain(&self.history) {
             written.push(target.write(|writer| write_history(writer, history)));
+        }
+        if let Some(directory) = &self.directory {
+            let path = directory.path();
+            written.push(report::Report::of(path).and_then(|report| report.write(path)));
         }
         let failures: Vec<String> = (written.into_iter().filter_map(Result::err))
             .map(|error| error.to_string())

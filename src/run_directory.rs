@@ -232,10 +232,10 @@ impl Found {
         lock.modified().ok()
     }
 
-    /// Whether the run is going on.
+    /// Whether the run is going on: its lock is held, and it has not said how it ended.
     pub fn is_going_on(&self) -> bool {
-        File::open(self.path.join(LOCK))
-            .is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockShared).is_err())
+        let held = |lock: File| flock(&lock, FlockOperation::NonBlockingLockShared).is_err();
+        !self.path.join(EXIT).exists() && File::open(self.path.join(LOCK)).is_ok_and(held)
     }
 
     /// Process id of the run, or of the last process that ran it.
@@ -254,8 +254,9 @@ pub fn listed(runs: &[Found]) -> String {
     if runs.is_empty() {
         return "there is none; `moltop SCENE` starts one".to_owned();
     }
+    let verb = if runs.len() == 1 { "is" } else { "are" };
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
-    format!("there are {}", names.join(", "))
+    format!("there {verb} {}", names.join(", "))
 }
 
 /// Where the runs of this user are.

@@ -4,6 +4,8 @@
 //! speaks through the starter's stderr until the run is going on, says then on its stdout where the run is, and from then on
 //! has its directory only.
 
+pub mod logout;
+
 use std::ffi::OsString;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -11,12 +13,10 @@ use std::os::fd::OwnedFd;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use crate::cli::RunOptions;
 use crate::error::{Error, Result};
-use crate::feed::message::Ending;
-use crate::feed::socket::SocketFeed;
 use crate::headless;
 use crate::run::Prepared;
 use crate::run_directory::{Found, LOG};
@@ -110,27 +110,4 @@ fn leave_terminal(log: &Path) -> io::Result<()> {
     rustix::stdio::dup2_stdout(&nothing)?;
     rustix::stdio::dup2_stderr(&log)?;
     Ok(())
-}
-
-/// Waits for a run that has been told to stop; a signal ends the wait.
-///
-/// # Errors
-/// [`Error::Engine`] when the process is gone without a word, or a signal came first.
-pub fn wait_for_end(run: &Found, feed: &SocketFeed, signals: &Signals) -> Result<Ending> {
-    loop {
-        if let Some(ending) = feed.wait_for_end(Duration::from_millis(100)) {
-            return Ok(ending);
-        }
-        let name = &run.name;
-        if signals.received().is_some() {
-            return Err(Error::Engine(format!("{name} has not ended yet")));
-        }
-        if feed.is_lost() {
-            let log = run.path.join(LOG);
-            return Err(Error::Engine(format!(
-                "{name}: its process is gone, without a word; {} may tell more",
-                log.display()
-            )));
-        }
-    }
 }

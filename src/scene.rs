@@ -18,7 +18,7 @@ mod write;
 
 pub mod analysis;
 
-pub use memory::BYTES_PER_BALL;
+pub use memory::{BYTES_PER_BALL, bytes_per_ball};
 pub use seed_text::is_seed_text;
 pub use site::Cell;
 pub use table::Rows;

@@ -43,6 +43,16 @@ impl Bodies {
         }
     }
 
+    /// The different bodies.
+    pub fn kinds(&self) -> &[Body] {
+        &self.kinds
+    }
+
+    /// Which of the [`Self::kinds`] a ball is.
+    pub fn kind(&self, ball: usize) -> usize {
+        self.kind_of.get(ball).map_or(0, |&kind| kind as usize)
+    }
+
     /// The one body that all balls share, if they do.
     pub fn uniform(&self) -> Option<Body> {
         if self.kind_of.is_empty() {
@@ -64,6 +74,13 @@ impl Bodies {
             Some(body) => body.radius,
             None => self.kind_of.iter().map(radius).sum::<f64>() / self.kind_of.len().max(1) as f64,
         }
+    }
+
+    /// Smallest radius \[length\].
+    pub fn smallest_radius(&self) -> f64 {
+        self.kinds
+            .iter()
+            .fold(f64::INFINITY, |smallest, body| smallest.min(body.radius))
     }
 
     /// Largest radius \[length\].

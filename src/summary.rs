@@ -65,6 +65,7 @@ pub struct Summary<'s> {
     scene: SceneSummary<'s>,
     engine: &'s str,
     time: f64,
+    until: Option<f64>,
     wall_time_s: f64,
     setup_time_s: Option<f64>,
     pair_collisions: u64,
@@ -156,6 +157,7 @@ impl<'s> Summary<'s> {
             },
             engine: &snapshot.engine,
             time: snapshot.time,
+            until: snapshot.until,
             wall_time_s: snapshot.wall_time_s,
             setup_time_s: snapshot.setup_time_s,
             pair_collisions: counts.pair_collisions,
@@ -281,6 +283,9 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
         "run",
         format!("{}: {} at {end}", snapshot.scene.title, exit.words()),
     );
+    if snapshot.is_approximate() {
+        line("engine", format!("{}, approximate", snapshot.engine));
+    }
     line("wall time", duration(snapshot.wall_time_s));
     line(
         "pair collisions",
@@ -338,6 +343,8 @@ pub fn for_people(snapshot: &Snapshot, exit: &Exit) -> String {
     let counts = &snapshot.counts;
     if counts.steps > 0 {
         line("steps", counts.steps.to_string());
+    }
+    if snapshot.engine == "step" {
         line(
             "missed collisions",
             match counts.audited_steps {

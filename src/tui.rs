@@ -5,10 +5,12 @@
 
 pub mod app;
 pub mod camera;
+pub mod ceiling;
 pub mod config;
 pub mod copy;
 pub mod format;
 pub mod frame;
+pub mod help;
 pub mod input;
 pub mod keys;
 pub mod link;
@@ -33,6 +35,7 @@ use ratatui::layout::{Position, Rect};
 
 use crate::error::Result;
 use crate::feed::{Access, Command, Feed};
+use crate::snapshot::Phase;
 use app::{App, Request};
 use link::Meter;
 pub use options::Options;
@@ -62,6 +65,8 @@ const TICK: Duration = Duration::from_millis(50);
 const SUSPEND: Event = Event::Key(KeyEvent::new(KeyCode::Char('z'), KeyModifiers::CONTROL));
 /// Between two looks for the run's answer to a key.
 const ANSWER: Duration = Duration::from_millis(5);
+/// Longest wait for the first picture.
+const FIRST_PICTURE: Duration = Duration::from_millis(60);
 /// Longest wait for that answer.
 const PATIENCE: Duration = Duration::from_millis(100);
 
@@ -77,9 +82,22 @@ pub fn run(feed: &dyn Feed, access: Access, stop: &AtomicBool, options: &Options
     }
     let mut screen = Screen::take(options.palette(), options.mouse())?;
     feed.send(Command::Watch(true));
+    await_picture(feed);
     let left = Watcher::new(feed, access, options).watch(stop, &mut screen);
     feed.send(Command::Watch(false));
     left
+}
+
+/// Gives a run that is going on the moment that it needs for its first picture, so that the first screen has it.
+fn await_picture(feed: &dyn Feed) {
+    let deadline = Instant::now() + FIRST_PICTURE;
+    while Instant::now() < deadline {
+        let latest = feed.latest();
+        if latest.sample.is_some() || latest.phase == Phase::Starting {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
 }
 
 /// The dashboard between its frames.
@@ -107,7 +125,7 @@ impl<'a> Watcher<'a> {
             feed,
             app,
             pace: Pace::new(options.budget(), options.picture_rate(), now),
-            meter: Meter::new(options.budget(), now),
+            meter: Meter::new(options.budget(), access, now),
             news: News::default(),
             asked: None,
             left_out: now,

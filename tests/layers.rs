@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const WORLD: [&str; 5] = ["fs", "net", "io", "time", "thread"];
 
 /// The engines that may start threads: their results do not depend on how many.
-const THREADED: [&str; 1] = ["src/engine/windowed.rs"];
+const THREADED: [&str; 2] = ["src/engine/windowed.rs", "src/engine/statistical.rs"];
 
 /// What the screen may name of the crate, beside itself.
 const SEEN_BY_SCREEN: [&str; 4] = ["tui", "feed", "snapshot", "error"];

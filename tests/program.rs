@@ -150,8 +150,8 @@ fn the_summary_has_every_key_of_its_schema() {
     assert_eq!(
         keys(&summary),
         "accuracy collision_rate collisions_per_wall_second compressibility_factor counters echo echo_horizon energy_drift engine exit kinetic_energy \
-         max_overlap mean_free_path momentum_drift named_balls pair_collisions peak_rss_bytes plane_collisions pressure queue_length \
-         scene schema setup_time_s speeds state_hash temperature time virial_residual wall_collisions wall_time_s"
+         max_overlap mean_free_path momentum_drift named_balls observables pair_collisions peak_rss_bytes plane_collisions pressure queue_length \
+         scene schema setup_time_s speeds state_hash temperature time until virial_residual wall_collisions wall_time_s"
     );
     assert_eq!(
         keys(&summary["scene"]),
@@ -232,6 +232,43 @@ fn the_exact_engines_agree_and_steps_own_up_to_what_they_get_wrong() {
 }
 
 #[test]
+fn an_approximate_engine_says_so_and_has_no_overlaps() {
+    let directory = directory();
+    let arguments = [
+        "run",
+        SCENE,
+        "--engine",
+        "statistical",
+        "--until",
+        "1",
+        "--force",
+        "--summary",
+        "s.json",
+    ];
+    let words = text(&output(&directory, &arguments).stderr);
+    assert!(
+        words.contains("engine statistical, approximate: steps of 0.2"),
+        "{words}"
+    );
+    assert!(
+        words.contains("warning: engine statistical: a packing fraction of 0.10"),
+        "{words}"
+    );
+    let summary = json(&directory, "s.json");
+    assert_eq!(summary["engine"], "statistical");
+    assert!(summary["pair_collisions"].as_u64() > Some(100));
+    for key in [
+        "max_overlap",
+        "momentum_drift",
+        "virial_residual",
+        "echo_horizon",
+    ] {
+        assert!(summary[key].is_null(), "{key}");
+    }
+    assert!(summary["energy_drift"].as_f64().expect("a number").abs() < 1e-6);
+}
+
+#[test]
 fn a_scene_names_its_engine_and_the_command_line_another() {
     let directory = directory();
     let scene = fs::read_to_string(SCENE).expect("the scene");
@@ -286,6 +323,12 @@ fn a_run_leaves_a_directory_of_its_own() {
         );
         assert!(read("summary.json").contains("\"exit\": \"finished\""));
         assert!(read("log").contains("INFO ended: finished"));
+        let page = output(&directory, &["report", &format!("512-balls-{number}")]);
+        assert!(
+            text(&page.stdout).starts_with("# 512 balls\n")
+                && text(&page.stdout) == read("summary.md")
+        );
+        assert!(read("speeds.svg").starts_with("<svg"));
     }
     let mode = |path: &Path| {
         fs::metadata(path)
@@ -497,7 +540,7 @@ fn bad_input_has_exit_code_2() {
     );
     check_refused(
         &["run", SCENE, "--engine", "warp"],
-        "possible values: auto, event, windowed, reversible, step",
+        "possible values: auto, event, windowed, reversible, step, statistical",
     );
     check_refused(&["run", SCENE, "--engine", "step"], "needs --dt T");
     check_refused(
@@ -519,6 +562,14 @@ fn bad_input_has_exit_code_2() {
     check_refused(&["run", SCENE, "--dt", "0.1"], "--dt is for engine step");
     let other = ["run", SCENE, "--engine", "windowed", "--calendar", "lazy"];
     check_refused(&other, "--calendar is for engine event");
+    check_refused(
+        &["run", SCENE, "--step-fraction", "0.1"],
+        "are for engine statistical",
+    );
+    let dense = ["run", SCENE, "--engine", "statistical", "--until", "1"];
+    check_refused(&dense, "is too dense: at most 0.01");
+    let twice = ["run", SCENE, "--engine", "event", "--accuracy", "1%"];
+    check_refused(&twice, "--accuracy chooses the engine");
 }
 
 #[test]
@@ -682,4 +733,22 @@ fn generated_and_converted_scenes_run() {
     );
     check_refused(&["generate", "balls", "--radius", "0,5"], "0,5");
     check_refused(&["convert", SCENE, "here"], "must end in .toml");
+}
+
+#[test]
+fn check_knows_how_much_memory_a_run_takes() {
+    let directory = directory();
+    let scene = "units = \"reduced\"\n[domain]\nkind = \"periodic\"\nsize = [60, 60, 60]\n\
+                 [[species]]\ncount = 100000\nradius = 0.5\nmass = 1\nvelocity = { kind = \"normal\", deviation = 1 }\n";
+    fs::write(directory.path().join("scene.toml"), scene).expect("a small file");
+    let check = output(&directory, &["check", "scene.toml", "--json"]);
+    let report: Value = serde_json::from_slice(&check.stdout).expect("JSON");
+    let options = ["--until", "1e-6", "--sample", "1", "--summary", "out.json"];
+    let run = output(&directory, &[&["run", "scene.toml"][..], &options].concat());
+    assert!(run.status.success(), "{}", text(&run.stderr));
+    let taken = json(&directory, "out.json")["peak_rss_bytes"].as_f64();
+    let expected = report["memory_bytes"].as_f64().expect("a number");
+    if let Some(taken) = taken {
+        assert!((taken / expected - 1.0).abs() < 0.25, "{taken} {expected}");
+    }
 }

@@ -32,6 +32,12 @@ const SPACINGS_PER_CELL: f64 = 1.5;
 /// Cell width in mean diameters, at least.
 const DIAMETERS_PER_CELL: f64 = 1.75;
 
+/// Width of the cells that the engine makes for `count` balls in a volume \[length\], unless it is told another.
+pub fn cell_width(volume: f64, count: usize, mean_radius: f64) -> f64 {
+    let spacing = (volume / count.max(1) as f64).cbrt();
+    (SPACINGS_PER_CELL * spacing).max(DIAMETERS_PER_CELL * 2.0 * mean_radius)
+}
+
 /// The earliest pair collision that a ball knows of.
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
@@ -101,10 +107,11 @@ impl EventDriven {
 impl<C: Calendar> EventDriven<C> {
     /// Predicts the first events of every ball. The collisions do not depend on the calendar, their cost does.
     pub fn with_calendar(state: State) -> Self {
-        let count = state.ball_count().max(1) as f64;
-        let spacing = (state.domain.volume() / count).cbrt();
-        let width = (SPACINGS_PER_CELL * spacing)
-            .max(DIAMETERS_PER_CELL * 2.0 * state.bodies.mean_radius());
+        let width = cell_width(
+            state.domain.volume(),
+            state.ball_count(),
+            state.bodies.mean_radius(),
+        );
         Self::with_calendar_and_cell_width(state, width)
     }
 

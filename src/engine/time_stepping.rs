@@ -12,7 +12,6 @@
 //! so the state is right at any present and no rounding adds up in free flight. In a step, walls come before planes before
 //! pairs, lower indices first; after a reversal the other way round, so that a step undoes what it did.
 
-mod clock;
 mod near_pairs;
 
 use glam::DVec3;
@@ -20,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::collision::approach_time;
 use crate::domain::Boundary;
-use crate::engine::time_stepping::clock::StepClock;
+use crate::engine::step_clock::StepClock;
 use crate::engine::time_stepping::near_pairs::NearPairs;
 use crate::engine::{self, Counters, Engine, Stuck, contact};
 use crate::event::{Collision, Participants, Wall};

@@ -225,8 +225,7 @@ impl Windowed {
         let cuts: Vec<usize> = (0..=region_count).map(cut).collect();
         for (number, region) in self.regions.iter_mut().enumerate() {
             let (first, end) = (cuts[number], cuts[number + 1]);
-            let flights = places[first] as usize..places[end] as usize;
-            region.reset(number, first..end, flights);
+            region.reset(number, first..end, &places[first..=end]);
         }
         let mut balls = vec![0_u32; count];
         for (line, &cell) in self.lines.iter().zip(&cells) {
@@ -289,8 +288,13 @@ impl Windowed {
                 pieces.clear();
             }
         }
+        let (least, most) = (
+            self.state.bodies.smallest_radius(),
+            self.state.bodies.largest_radius(),
+        );
         let margins = Margins {
-            contact: 2.0 * self.state.bodies.largest_radius() * self.grid.scale,
+            contact: 2.0 * most * self.grid.scale,
+            off_middle: 0.5 * (most - least) * self.grid.scale,
             position: self.line_error(),
             edges: self.grid.edges,
             fastest: self.fastest,

@@ -78,7 +78,12 @@ impl Trial {
     /// # Panics
     /// When the gas has no room.
     pub fn run(&mut self, until: f64) {
-        self.try_run(until, &mut |_| {}).expect("room to move");
+        let until = self.state().units.instant(until);
+        let observer = &mut self.observer;
+        self.engine
+            .advance_in_sums(until, &mut |report| observer.take(report))
+            .expect("room to move");
+        self.engine.settle();
     }
 
     /// Runs to a simulated time and keeps every collision.

@@ -124,8 +124,8 @@ impl Serving {
                 .is_ok_and(|count| count == bytes.len())
             {}
             if let Ok(ending) = ending.try_recv() {
-                self.part(&ending);
-                return place::close(&self.directory);
+                place::close(&self.directory);
+                return self.part(&ending);
             }
             self.welcome();
             self.converse();

@@ -7,19 +7,20 @@ use std::io::{self, Write};
 use std::os::unix::net::UnixStream;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::message::{self, Ending, PROTOCOL, Reply, Request};
 use super::{Command, Feed, place};
 use crate::error::{Error, Result};
-use crate::run_directory::Found;
+use crate::run_directory::{Found, LOG};
 use crate::snapshot::{Phase, Snapshot};
 
 /// How long a run may take to answer, or to take a command.
-const ANSWER: Duration = Duration::from_secs(5);
+const ANSWER: Duration = Duration::from_secs(3);
 
 /// A run that this process watches.
 pub struct SocketFeed {
+    run: Found,
     read_only: bool,
     shared: Arc<Shared>,
 }
@@ -50,19 +51,28 @@ impl SocketFeed {
     /// [`Error::Usage`] when it has ended, [`Error::Engine`] when it does not answer or refuses.
     pub fn connect(run: &Found, read_only: bool) -> Result<Self> {
         let failed = |why: String| Error::Engine(format!("{}: {why}", run.name));
-        let stream = place::connect(&run.path).map_err(|error| {
-            if run.is_going_on() {
-                failed(format!("cannot connect: {error}"))
-            } else {
-                let report = run.path.display();
-                Error::Usage(format!(
-                    "{}: has ended: its results are in {report}",
-                    run.name
-                ))
+        let deadline = Instant::now() + ANSWER;
+        let stream = loop {
+            match place::connect(&run.path) {
+                Ok(stream) => break stream,
+                Err(_) if !run.is_going_on() => {
+                    let results = run.path.display();
+                    return Err(Error::Usage(format!(
+                        "{}: has ended: its results are in {results}",
+                        run.name
+                    )));
+                }
+                // A run that has just begun opens its socket in a moment.
+                Err(_) if Instant::now() < deadline => thread::sleep(Duration::from_millis(10)),
+                Err(error) => return Err(failed(format!("cannot connect: {error}"))),
             }
-        })?;
+        };
         let first = greet(&stream, read_only).map_err(|error| {
             failed(match (error.kind(), run.pid()) {
+                (io::ErrorKind::InvalidData, Some(pid)) => format!(
+                    "was started by another moltop, which this one does not understand: watch it with that one; \
+                     `kill {pid}` ends the run in good order"
+                ),
                 (io::ErrorKind::WouldBlock, Some(pid)) => {
                     format!("does not answer; is process {pid} stopped?")
                 }
@@ -88,7 +98,11 @@ impl SocketFeed {
             .name("news".into())
             .spawn(move || listener.listen())
             .map_err(|error| failed(format!("cannot be watched: {error}")))?;
-        Ok(Self { read_only, shared })
+        Ok(Self {
+            run: run.clone(),
+            read_only,
+            shared,
+        })
     }
 
     /// Waits for a snapshot that fits; `None` if there is none in that time or the run has ended before.
@@ -112,23 +126,28 @@ impl SocketFeed {
         fits(&news.latest).then(|| Arc::clone(&news.latest))
     }
 
-    /// Waits for the run to end, and says how; `None` if it does not in that time, or if its process is gone without a word.
+    /// Waits for the run to end, and says how; `None` if it does not in that time.
+    ///
+    /// # Errors
+    /// [`Error::Engine`] when its process is gone without a word.
     ///
     /// # Panics
     /// Never: nothing panics while it holds the news.
-    pub fn wait_for_end(&self, limit: Duration) -> Option<Ending> {
-        let waited = (self.shared.changed)
-            .wait_timeout_while(self.shared.news(), limit, |news| news.end.is_none());
+    pub fn wait_for_end(&self, limit: Duration) -> Option<Result<Ending>> {
+        let goes_on = |news: &mut News| news.end.is_none();
+        let waited = (self.shared.changed).wait_timeout_while(self.shared.news(), limit, goes_on);
         let (news, _) = waited.expect(WHOLE);
-        match &news.end {
-            Some(End::Told(ending)) => Some(ending.clone()),
-            Some(End::Lost) | None => None,
-        }
-    }
-
-    /// Whether the run's process is gone without a word.
-    pub fn is_lost(&self) -> bool {
-        matches!(self.shared.news().end, Some(End::Lost))
+        Some(match news.end.as_ref()? {
+            End::Told(ending) => Ok(ending.clone()),
+            End::Lost => {
+                let log = self.run.path.join(LOG);
+                Err(Error::Engine(format!(
+                    "{}: {GONE}; {} may tell more",
+                    self.run.name,
+                    log.display()
+                )))
+            }
+        })
     }
 }
 
@@ -151,6 +170,8 @@ impl Drop for SocketFeed {
     }
 }
 
+const GONE: &str = "the process of the run is gone, without a word";
+
 const WHOLE: &str = "nothing panics while it holds the news";
 
 impl Shared {
@@ -166,9 +187,8 @@ impl Shared {
     /// Takes the news until the run ends.
     fn listen(&self) {
         let end = loop {
-            if self.say(&Request::Next).is_err() {
-                break End::Lost;
-            }
+            // A run that has just ended hears no more, but what it said before is still to be read.
+            let _ = self.say(&Request::Next);
             match message::read(&mut &self.stream) {
                 Ok(Reply::News(frame)) => {
                     let mut news = self.news();
@@ -182,10 +202,7 @@ impl Shared {
         let mut news = self.news();
         if matches!(end, End::Lost) {
             news.latest = Arc::new(Snapshot {
-                phase: Phase::Failed(
-                    "the process of the run is gone, without a word; its log may tell more"
-                        .to_owned(),
-                ),
+                phase: Phase::Failed(format!("{GONE}; its log may tell more")),
                 sequence: news.latest.sequence + 1,
                 ..Snapshot::clone(&news.latest)
             });
@@ -202,8 +219,9 @@ fn greet(stream: &UnixStream, read_only: bool) -> io::Result<Reply> {
         protocol: PROTOCOL,
         read_only,
     };
-    (&mut &*stream).write_all(&message::encode(&hello))?;
-    let reply = message::read(&mut &*stream)?;
+    let sent = (&mut &*stream).write_all(&message::encode(&hello));
+    // Who is not welcome is told so, and heard no more.
+    let reply = message::read(&mut &*stream).map_err(|error| sent.err().unwrap_or(error))?;
     stream.set_read_timeout(None)?; // a paused run has no news
     Ok(reply)
 }

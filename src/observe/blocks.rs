@@ -7,6 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::engine::Sums;
 use crate::event::{Collision, Participants};
 use crate::state::Time;
 
@@ -89,6 +90,35 @@ impl Blocks {
                 block.wall_impulse += collision.impulse.length();
             }
             Participants::Plane(..) | Participants::Face(..) => {}
+        }
+    }
+
+    /// Takes sums into account, spread evenly over their stretch of time.
+    pub fn record_sums(&mut self, sums: &Sums) {
+        let (begin, end) = (sums.begin.relative_to(0), sums.end.relative_to(0));
+        self.block_at(sums.end); // so that the length is what it will stay
+        let mut done = Sums {
+            end: sums.begin,
+            ..Sums::default()
+        };
+        let mut from = begin;
+        while from < end {
+            let index = (from / self.length) as usize;
+            let next = (index + 1) as f64 * self.length;
+            let until = if next < end { next } else { end };
+            let so_far = if until < end {
+                sums.share((until - begin) / (end - begin))
+            } else {
+                *sums
+            };
+            let part = so_far.since(&done);
+            self.blocks[index].add(&Block {
+                wall_impulse: part.wall_impulse,
+                pair_virial: part.pair_virial,
+                pair_collisions: part.pair_collisions,
+                wall_collisions: part.wall_collisions,
+            });
+            (from, done) = (until, so_far);
         }
     }
 
@@ -187,6 +217,39 @@ mod tests {
         assert_eq!(averages.settled.wall_impulse / averages.duration, 512.0);
         assert_eq!(averages.wall_error, Some(0.0));
         assert!((averages.duration - 230.4).abs() < 4.0);
+    }
+
+    #[test]
+    fn sums_are_spread_over_the_blocks_that_they_last() {
+        let instant = |time: f64| Time::default().after(time).expect("near");
+        let sums = Sums {
+            begin: instant(0.5 * FIRST_LENGTH),
+            end: instant(2.5 * FIRST_LENGTH),
+            pair_collisions: 10,
+            wall_collisions: 3,
+            pair_virial: 8.0,
+            wall_impulse: 4.0,
+        };
+        let mut blocks = Blocks::default();
+        blocks.record_sums(&sums);
+        let impulses: Vec<f64> = blocks
+            .blocks
+            .iter()
+            .map(|block| block.wall_impulse)
+            .collect();
+        assert_eq!(impulses, [1.0, 2.0, 1.0]);
+        let pairs: Vec<u64> = blocks
+            .blocks
+            .iter()
+            .map(|block| block.pair_collisions)
+            .collect();
+        assert_eq!(pairs, [2, 5, 3]);
+        let walls: u64 = blocks
+            .blocks
+            .iter()
+            .map(|block| block.wall_collisions)
+            .sum();
+        assert_eq!(walls, 3);
     }
 
     #[test]

@@ -25,6 +25,8 @@ pub struct Flights {
     lengths: Vec<u64>,
     times: Vec<u64>,
     last_look: Time,
+    /// Push on each wall since the last look, which joins the sums together with its time.
+    pushes: [f64; 6],
     /// Flights, their lengths, their times, the time since the look before, the push on each of six walls.
     sums: BlockSums,
 }
@@ -39,6 +41,7 @@ impl Flights {
             lengths: vec![0; BIN_COUNT],
             times: vec![0; BIN_COUNT],
             last_look: state.now,
+            pushes: [0.0; 6],
             sums: BlockSums::new(10),
         }
     }
@@ -58,7 +61,7 @@ impl Flights {
             }
             Participants::Wall(_, wall) => {
                 let side = 2 * wall.axis + usize::from(wall.upper);
-                self.sums.open()[4 + side] += collision.impulse.length();
+                self.pushes[side] += collision.impulse.length();
             }
             Participants::Plane(..) | Participants::Face(..) => {}
         }
@@ -77,7 +80,11 @@ impl Flights {
 
     /// Closes a stretch of the averages.
     pub fn look(&mut self, state: &State) {
-        self.sums.open()[3] += state.now.since(self.last_look);
+        let sums = self.sums.open();
+        sums[3] += state.now.since(self.last_look);
+        for (sum, push) in sums[4..].iter_mut().zip(std::mem::take(&mut self.pushes)) {
+            *sum += push;
+        }
         self.last_look = state.now;
         self.sums.close_record();
     }

@@ -12,7 +12,9 @@ use crate::feed::{Access, Command};
 use crate::snapshot::{Phase, Snapshot};
 use crate::tui::Leave;
 use crate::tui::camera::Camera;
+use crate::tui::ceiling::{is_rate, step_above, step_below};
 use crate::tui::format::quantity;
+use crate::tui::help::Help;
 use crate::tui::keys::{Action, Keymap};
 use crate::tui::link::Link;
 use crate::tui::picture::Mode;
@@ -28,17 +30,6 @@ pub enum Overlay {
     QuitQuestion,
     /// Why the run failed.
     Failure,
-}
-
-/// The state of the help.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Help {
-    /// Shown are lines that contain this.
-    pub search: String,
-    /// Whether letters go to the search.
-    pub typing: bool,
-    /// Lines above the first one that is shown.
-    pub scroll: u16,
 }
 
 /// A panel of the dashboard, by its number.
@@ -261,7 +252,7 @@ impl App {
         match &mut self.overlay {
             Some(Overlay::QuitQuestion) => return self.answer(key.code),
             Some(Overlay::Help(help)) => {
-                if !help.press(key.code, action) {
+                if !help.press(key.code) {
                     self.overlay = None;
                 }
                 return None;
@@ -486,73 +477,5 @@ impl App {
             value: limit,
             sequence: self.latest.sequence,
         });
-    }
-}
-
-impl Help {
-    /// Obeys a key; says whether the help stays.
-    fn press(&mut self, code: KeyCode, action: Option<Action>) -> bool {
-        match code {
-            KeyCode::Char(letter) if self.typing => self.search.push(letter),
-            KeyCode::Backspace if self.typing => drop(self.search.pop()),
-            KeyCode::Enter if self.typing => self.typing = false,
-            KeyCode::Esc if self.typing => *self = Self::default(),
-            KeyCode::Char('/') => (self.typing, self.scroll) = (true, 0),
-            KeyCode::Down => self.scroll = self.scroll.saturating_add(1),
-            KeyCode::Up => self.scroll = self.scroll.saturating_sub(1),
-            KeyCode::PageDown => self.scroll = self.scroll.saturating_add(10),
-            KeyCode::PageUp => self.scroll = self.scroll.saturating_sub(10),
-            _ => return self.typing && action.is_none(),
-        }
-        true
-    }
-}
-
-fn is_rate(rate: f64) -> bool {
-    rate.is_normal() && rate > 0.0
-}
-
-/// Next lower number of the row 1, 2, 5, 10, ... ; a number of the row goes to the one before.
-pub fn step_below(value: f64) -> f64 {
-    let exponent = value.log10().floor() as i32;
-    row(exponent)
-        .rev()
-        .find(|step| *step < value * (1.0 - 1e-9))
-        .unwrap_or(value / 2.0)
-}
-
-/// Next higher number of that row.
-pub fn step_above(value: f64) -> f64 {
-    let exponent = value.log10().floor() as i32;
-    row(exponent)
-        .find(|step| *step > value * (1.0 + 1e-9))
-        .unwrap_or(value * 2.0)
-}
-
-fn row(exponent: i32) -> impl DoubleEndedIterator<Item = f64> {
-    (exponent - 1..=exponent + 1)
-        .flat_map(|power| [1.0, 2.0, 5.0].map(|digit| decimal_power(digit, power)))
-}
-
-/// `digit * 10^power`, correctly rounded, which a product is not.
-fn decimal_power(digit: f64, power: i32) -> f64 {
-    format!("{digit}e{power}")
-        .parse()
-        .expect("a digit and a power of ten make a number")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ceilings_go_down_and_up_the_row_of_one_two_five() {
-        assert_eq!(step_below(2.9e-10), 2e-10);
-        assert_eq!(step_below(2e-10), 1e-10);
-        assert_eq!(step_below(1e-10), 5e-11);
-        assert_eq!(step_above(5e-11), 1e-10);
-        assert_eq!(step_above(2.9e-10), 5e-10);
-        assert_eq!(step_below(1.0), 0.5);
-        assert_eq!(step_above(5.0), 10.0);
     }
 }

@@ -5,6 +5,8 @@ use std::time::{Duration, Instant};
 
 use rustix::time::{ClockId, clock_gettime};
 
+use crate::feed::Access;
+
 /// What the screen says of itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Link {
@@ -16,7 +18,7 @@ pub struct Link {
     pub frames: u64,
     /// Frames left out because the terminal had not yet taken the one before.
     pub dropped: u64,
-    /// Share of one core that drawing takes, lately.
+    /// Share of one core that watching takes, lately.
     pub cpu_share: Option<f64>,
     /// Most bytes per second.
     pub budget: f64,
@@ -31,20 +33,26 @@ const LATELY: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub struct Meter {
     link: Link,
+    clock: ClockId,
     /// Moments with the bytes sent and the processor time taken up to then.
     marks: VecDeque<(Instant, u64, Duration)>,
 }
 
 impl Meter {
-    /// Starts to count.
-    pub fn new(budget: f64, now: Instant) -> Self {
+    /// Starts to count; in the run's own process only what this thread takes.
+    pub fn new(budget: f64, access: Access, now: Instant) -> Self {
+        let clock = match access {
+            Access::Owner => ClockId::ThreadCPUTime,
+            Access::Watcher | Access::ReadOnly => ClockId::ProcessCPUTime,
+        };
         let link = Link {
             budget,
             ..Link::default()
         };
         Self {
             link,
-            marks: VecDeque::from([(now, 0, processor_time())]),
+            clock,
+            marks: VecDeque::from([(now, 0, processor_time(clock))]),
         }
     }
 
@@ -61,7 +69,7 @@ impl Meter {
 
     /// The figures now.
     pub fn read(&mut self, now: Instant) -> Link {
-        let spent = processor_time();
+        let spent = processor_time(self.clock);
         while self.marks.len() > 1 && now.saturating_duration_since(self.marks[1].0) > LATELY {
             self.marks.pop_front();
         }
@@ -76,9 +84,9 @@ impl Meter {
     }
 }
 
-/// Processor time of this thread.
-fn processor_time() -> Duration {
-    let time = clock_gettime(ClockId::ThreadCPUTime);
+/// Processor time so far.
+fn processor_time(clock: ClockId) -> Duration {
+    let time = clock_gettime(clock);
     Duration::new(
         time.tv_sec.unsigned_abs(),
         time.tv_nsec.unsigned_abs() as u32,

@@ -166,7 +166,7 @@ fn portion(
         .sum::<f64>()
         .sqrt();
     let in_slab = thickness < diagonal;
-    let most = (diagonal - thickness) / 2.0;
+    let most = ((diagonal - thickness) / 2.0).max(0.0);
     let depth = (f64::from(camera.slice) * thickness).clamp(-most, most);
     Portion {
         slab: in_slab.then_some(thickness),

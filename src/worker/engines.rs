@@ -1,18 +1,21 @@
 //! Engines and calendars by name: the one place that knows them all.
 
-use serde::{Deserialize, Serialize};
+mod accuracy;
 
 use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
 
 use crate::calendar::{Bounded, Indexed, Lazy};
 use crate::engine::event_driven::EventDriven;
 use crate::engine::reversible::Reversible;
+use crate::engine::statistical::{self, Plan, Resolution, Statistical};
 use crate::engine::time_stepping::TimeStepping;
 use crate::engine::windowed::Windowed;
 use crate::engine::{Engine, Saved};
 use crate::quantity::plain;
 use crate::scene::analysis::packing_fraction;
 use crate::state::{Placement, State, UnitScale};
+pub use accuracy::{Accuracy, BALL_STEPS_PER_SECOND, Offer};
 
 /// Engines as `--engine` and `[run] engine` name them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -28,6 +31,8 @@ pub enum EngineName {
     Reversible,
     /// In steps of --dt, inexact, for comparison
     Step,
+    /// By chance, approximate: averages of a dilute gas many times faster; no trajectories
+    Statistical,
 }
 
 /// Calendars of engine `event` as `--calendar` names them.
@@ -53,6 +58,16 @@ pub struct Wishes {
     pub step: Option<f64>,
     /// `--threads`.
     pub threads: Option<usize>,
+    /// `--step-fraction`.
+    pub step_fraction: Option<f64>,
+    /// `--cells-per-path`.
+    pub cells_per_path: Option<f64>,
+    /// `--accuracy`.
+    pub accuracy: Option<Accuracy>,
+    /// The scene's seed, or `--seed`.
+    pub seed: u64,
+    /// `--force`.
+    pub forced: bool,
     /// When the run ends, if it does, in the scene's units.
     pub until: Option<f64>,
 }
@@ -68,6 +83,15 @@ pub enum Choice {
     Reversible,
     /// [`TimeStepping`], with steps of this length in the scene's units.
     Step(f64),
+    /// [`Statistical`].
+    Statistical {
+        /// How finely the gas is resolved.
+        resolution: Resolution,
+        /// What is drawn depends on it.
+        seed: u64,
+        /// On so many threads.
+        threads: usize,
+    },
 }
 
 impl Default for Choice {
@@ -90,11 +114,12 @@ impl Choice {
     pub fn new(wishes: &Wishes, placement: &Placement) -> Result<Self, String> {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         let threads = || wishes.threads.unwrap_or_else(cores);
+        let resolution = wishes.resolution(placement)?;
         let choice = match (wishes.engine, wishes.step) {
             (EngineName::Auto, _) if wishes.calendar.is_none() && Windowed::pays(placement) => {
                 Self::Windowed(threads())
             }
-            (EngineName::Auto | EngineName::Event, _) => {
+            (EngineName::Auto | EngineName::Event | EngineName::Statistical, _) => {
                 Self::Event(wishes.calendar.unwrap_or_default())
             }
             (EngineName::Windowed, _) if Windowed::supports(placement) => Self::Windowed(threads()),
@@ -116,7 +141,19 @@ impl Choice {
                 );
             }
         };
+        let choice = resolution.map_or(choice, |resolution| Self::Statistical {
+            resolution,
+            seed: wishes.seed,
+            threads: threads(),
+        });
         let name = choice.name();
+        if (wishes.step_fraction.is_some() || wishes.cells_per_path.is_some())
+            && name != "statistical"
+        {
+            return Err(format!(
+                "--step-fraction and --cells-per-path are for engine statistical, and this is {name}"
+            ));
+        }
         if wishes.calendar.is_some() && !matches!(choice, Self::Event(_)) {
             return Err(format!(
                 "--calendar is for engine event, and this is {name}"
@@ -139,6 +176,7 @@ impl Choice {
             Self::Windowed(_) => "windowed",
             Self::Reversible => "reversible",
             Self::Step(_) => "step",
+            Self::Statistical { .. } => "statistical",
         }
     }
 
@@ -160,6 +198,11 @@ impl Choice {
                 Reversible::new(state).expect("the choice was made for balls that it can run"),
             ),
             Self::Step(step) => Box::new(TimeStepping::new(state, *step)),
+            Self::Statistical {
+                resolution,
+                seed,
+                threads,
+            } => Box::new(Statistical::new(state, *resolution, *seed, *threads)),
         }
     }
 
@@ -182,14 +225,21 @@ impl Choice {
                 Box::new(Reversible::resume(state, saved))
             }
             (Self::Step(_), Saved::Step(saved)) => Box::new(TimeStepping::resume(state, saved)),
+            (Self::Statistical { threads, .. }, Saved::Statistical(saved)) => {
+                Box::new(Statistical::resume(state, *saved, *threads))
+            }
             _ => return None,
         })
     }
 
     /// What is wrong with the choice although it can be run: steps so long that they are felt.
     pub fn warning(&self, placement: &Placement) -> Option<String> {
-        let Self::Step(step) = self else {
-            return None;
+        let step = match self {
+            Self::Step(step) => step,
+            Self::Statistical { resolution, .. } => {
+                return accuracy::warning(placement, *resolution);
+            }
+            _ => return None,
         };
         let way = thermal_speed(placement) * step / mean_diameter(placement);
         (way > SHORT_WAY && way.is_finite()).then(|| {
@@ -202,6 +252,35 @@ impl Choice {
                 plain((8.0 * way).min(1.0)),
             )
         })
+    }
+}
+
+impl Wishes {
+    /// How finely engine `statistical` is to resolve the gas; `None` if it is not wanted.
+    fn resolution(&self, placement: &Placement) -> Result<Option<Resolution>, String> {
+        let preset = match (self.engine, self.accuracy) {
+            (EngineName::Auto, Some(accuracy)) => accuracy.resolution(placement),
+            (_, Some(_)) => {
+                return Err("--accuracy chooses the engine: give it or --engine".to_owned());
+            }
+            (EngineName::Statistical, None) => Some(statistical::USUAL),
+            (_, None) => None,
+        };
+        let Some(preset) = preset else {
+            return Ok(None);
+        };
+        let resolution = Resolution {
+            step: self.step_fraction.unwrap_or(preset.step),
+            cell: self.cells_per_path.map_or(preset.cell, f64::recip),
+        };
+        Plan::new(&State::new(placement), resolution, self.forced).map_err(|refusal| {
+            let force = match refusal {
+                statistical::Refusal::Dense(_) => ", or --force to run it all the same",
+                _ => "",
+            };
+            format!("engine statistical: {refusal}: give --engine event{force}")
+        })?;
+        Ok(Some(resolution))
     }
 }
 

@@ -1,6 +1,7 @@
 //! From internal units to what a snapshot shows.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -239,6 +240,35 @@ pub fn sampled_balls(ball_count: usize, named: &[(String, usize)]) -> Vec<u32> {
 
 fn common_divisor(a: usize, b: usize) -> usize {
     if b == 0 { a } else { common_divisor(b, a % b) }
+}
+
+/// Share of the wall time that may go into samples for the picture.
+const PICTURE_SHARE: f64 = 0.002;
+
+/// Longest rest between two samples, however long one took.
+const LONGEST_REST: Duration = Duration::from_secs(1);
+
+/// The samples for the picture, no oftener than their share of the time allows: reading balls all over the memory is slow.
+#[derive(Default)]
+pub struct Pictures {
+    last: Option<(Arc<Sample>, Instant)>,
+}
+
+impl Pictures {
+    /// The last sample, or a new one if it is due or the run stands still.
+    pub fn sample(&mut self, running: bool, take: impl FnOnce() -> Sample) -> Arc<Sample> {
+        let began = Instant::now();
+        match &self.last {
+            Some((sample, due)) if running && began < *due => Arc::clone(sample),
+            _ => {
+                let sample = Arc::new(take());
+                let rest = began.elapsed().div_f64(PICTURE_SHARE);
+                let due = Instant::now() + rest.min(LONGEST_REST);
+                self.last = Some((Arc::clone(&sample), due));
+                sample
+            }
+        }
+    }
 }
 
 /// Positions and radii of sampled balls at the present.

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use super::echo::{EchoWatch, horizon};
-use super::measure::{self, Pressures, Settled, Survey};
+use super::measure::{self, Pictures, Pressures, Settled, Survey};
 use super::observables::Known;
 use super::pace::{Meter, Slices};
 use super::past::Past;
@@ -18,7 +18,7 @@ use crate::feed::Command;
 use crate::history::{History, Observable, Stretch};
 use crate::observe::Observer;
 use crate::observe::on_demand::OnDemand;
-use crate::snapshot::{Expected, Observed, Phase, SeriesRow, Snapshot};
+use crate::snapshot::{Expected, NamedBall, Observed, Phase, SeriesRow, Snapshot};
 use crate::state::{Placement, State};
 
 /// Wall time between two snapshots.
@@ -29,6 +29,9 @@ const HISTORY_EVERY_S: f64 = 0.5;
 
 /// Share of the wall time that may go into reading every ball.
 const SURVEY_SHARE: f64 = 0.003;
+
+/// Share of the wall time that may go into settling the engine for the named balls.
+const CLOSER_LOOK_SHARE: f64 = 0.05;
 
 /// Wall time between two surveys, at least.
 const SURVEY_EVERY: Duration = Duration::from_secs(1);
@@ -99,6 +102,9 @@ struct Run<'a> {
     survey_due: Instant,
     meter: Meter,
     slices: Slices,
+    /// The named balls, as of the last closer look.
+    named: Vec<NamedBall>,
+    closer_look_due: Instant,
     history: Arc<History>,
     history_due: f64,
     /// Where the last stretch of the history ended, and the wall time then.
@@ -109,6 +115,7 @@ struct Run<'a> {
     /// Simulated times at which time was reversed.
     reversals: Vec<f64>,
     watched: bool,
+    pictures: Pictures,
     limit: Option<f64>,
     /// Where the limit on the rate counts from.
     limit_anchor: (Instant, f64),
@@ -220,6 +227,8 @@ impl<'a> Run<'a> {
             survey,
             survey_due: now + SURVEY_EVERY,
             meter: Meter::default(),
+            named: Vec::new(),
+            closer_look_due: Instant::now(),
             history: Arc::default(),
             history_due: HISTORY_EVERY_S,
             last_point: (Totals::default(), 0.0),
@@ -228,6 +237,7 @@ impl<'a> Run<'a> {
             phase: Phase::Running,
             reversals: Vec::new(),
             watched: false,
+            pictures: Pictures::default(),
             limit: None,
             limit_anchor: (now, 0.0),
             step_until: None,
@@ -486,6 +496,7 @@ impl<'a> Run<'a> {
             return; // nothing has happened since
         }
         self.saved_at = Some(time);
+        self.engine.settle();
         let run = self.save();
         if let Some(writer) = &mut self.writer {
             writer.write(run);
@@ -499,6 +510,7 @@ impl<'a> Run<'a> {
         };
         // A gas that got stuck is of no use, and one of another time is safe.
         if self.saved_at != Some(self.time()) && !matches!(self.phase, Phase::Failed(_)) {
+            self.engine.settle();
             writer.write(self.save());
         }
         writer.finish();
@@ -546,7 +558,7 @@ impl<'a> Run<'a> {
             .zip(self.on_demand.as_mut())
         else {
             let until = units.instant(target);
-            return (self.engine).advance(until, &mut |collision| observer.record(collision));
+            return (self.engine).advance_in_sums(until, &mut |report| observer.take(report));
         };
         loop {
             let due = on_demand.looks as f64 * plan.every();
@@ -557,11 +569,12 @@ impl<'a> Run<'a> {
                     on_demand.record(collision);
                 })?;
             } else {
-                (self.engine).advance(until, &mut |collision| observer.record(collision))?;
+                (self.engine).advance_in_sums(until, &mut |report| observer.take(report))?;
             }
             if due > target {
                 return Ok(());
             }
+            self.engine.settle();
             on_demand.look(self.engine.state());
         }
     }
@@ -602,6 +615,7 @@ impl<'a> Run<'a> {
 
     fn look_at_every_ball(&mut self) {
         let began = Instant::now();
+        self.engine.settle();
         self.survey = Survey::of(self.engine.state(), &self.observer);
         self.survey_due = Instant::now() + survey_pause(began.elapsed());
     }
@@ -711,7 +725,33 @@ impl<'a> Run<'a> {
             .map(|energy| energy / self.setting.origin.card.units.boltzmann())
     }
 
+    /// Sees where the named balls are, unless that would cost too much wall time.
+    fn look_closer(&mut self) {
+        let named = &self.setting.origin.named;
+        if named.is_empty() || Instant::now() < self.closer_look_due {
+            return;
+        }
+        let began = Instant::now();
+        self.engine.settle();
+        self.closer_look_due = began + began.elapsed().div_f64(CLOSER_LOOK_SHARE);
+        let (state, time) = (self.engine.state(), self.time());
+        let temperature = self.temperature().filter(|_| !self.reversed());
+        self.named = named
+            .iter()
+            .map(|ball| ball.at(state, temperature, time))
+            .collect();
+    }
+
     fn publish(&mut self, state_hash: Option<u64>) {
+        self.look_closer();
+        let running = self.phase == Phase::Running;
+        let sample = self.watched.then(|| {
+            let (engine, setting) = (&mut self.engine, self.setting);
+            (self.pictures).sample(running, || {
+                engine.settle();
+                measure::sample(engine.state(), &setting.sampled, &setting.names)
+            })
+        });
         self.sequence += 1;
         self.published = Instant::now();
         let card = &self.setting.origin.card;
@@ -766,7 +806,7 @@ impl<'a> Run<'a> {
                 card.packing_fraction,
                 pair_rate.map_or(0.0, |rate| 2.0 * rate / balls),
             )
-            .filter(|_| self.engine.name() != "reversible"),
+            .filter(|_| !matches!(self.engine.name(), "reversible" | "statistical")),
             speeds: self.survey.speeds.clone(),
             queue_length: self.engine.queue_length() as u64,
             queue_length_max: counters.queue_length_max,
@@ -776,22 +816,10 @@ impl<'a> Run<'a> {
                 .or_else(|| self.notice.clone()),
             peak_rss_bytes: measure::peak_memory(),
             state_hash,
-            named: self
-                .setting
-                .origin
-                .named
-                .iter()
-                .map(|ball| ball.at(state, temperature.filter(|_| !self.reversed()), time))
-                .collect(),
+            named: self.named.clone(),
             observables: Arc::clone(&self.observables),
             history: Arc::clone(&self.history),
-            sample: self.watched.then(|| {
-                Arc::new(measure::sample(
-                    state,
-                    &self.setting.sampled,
-                    &self.setting.names,
-                ))
-            }),
+            sample,
             ..self.setting.first_snapshot()
         });
     }

@@ -21,10 +21,8 @@ const FAR: f32 = 1e15;
 /// the most, with a margin.
 const ROUNDING: f64 = 2.5e-6;
 
-/// Margin of a time by rounding, in windows, for pairs that move apart or together at least at this squared speed.
-const TIME_MARGIN: f32 = 1e-3;
-/// See above: the rounding of `r . v / v^2` is `2.4e-7 |r| / |v|`.
-const TELLING_SPEED_SQUARED: f32 = 1e-5;
+/// Rounding of the times `r . v / v^2`, as a share of `|r| / |v|`: some four roundings of 2^-24, with a margin.
+const TIME_ROUNDING: f32 = 1e-6;
 
 /// The pieces of a cell, as columns.
 #[derive(Clone, Debug)]
@@ -37,7 +35,8 @@ pub struct Filter {
     /// Vectors with hits: row, chunk of columns, lanes.
     hits: Vec<u64>,
     margins: Margins,
-    contact: f32,
+    /// Largest distance of a contact point, as seen here, from the middle.
+    off_middle: f32,
     contact_squared: f32,
 }
 
@@ -46,6 +45,8 @@ pub struct Filter {
 pub struct Margins {
     /// Largest contact distance.
     pub contact: f64,
+    /// Largest distance of a contact point from the middle between the two centres.
+    pub off_middle: f64,
     /// By how much a position may be wrong.
     pub position: f64,
     /// Widths of a cell.
@@ -62,7 +63,7 @@ impl Default for Filter {
             entries: Vec::new(),
             hits: Vec::new(),
             margins: Margins::default(),
-            contact: 0.0,
+            off_middle: 0.0,
             contact_squared: 0.0,
         }
     }
@@ -85,7 +86,7 @@ impl Filter {
                 apart * apart
             })
             .sum();
-        self.contact = contact as f32;
+        self.off_middle = (margins.off_middle + 4.0 * margins.position) as f32;
         self.contact_squared = (contact * contact + ROUNDING * farthest) as f32;
     }
 
@@ -169,22 +170,22 @@ impl Filter {
         let velocity = [u[row] - u[other], v[row] - v[other], w[row] - w[other]];
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let (radial, speed_squared) = (dot(apart, velocity), dot(velocity, velocity));
-        if speed_squared < TELLING_SPEED_SQUARED {
-            return true;
-        }
-        let beyond = dot(apart, apart) - self.contact_squared;
+        let distance_squared = dot(apart, apart);
+        let beyond = distance_squared - self.contact_squared;
         let root = (radial * radial - speed_squared * beyond).max(0.0).sqrt();
         let closest = -radial / speed_squared;
+        // For a pair without a relative velocity these are no numbers, and nothing is rejected.
+        let time_margin = TIME_ROUNDING * (distance_squared / speed_squared).sqrt();
         // No later than the contact.
         let touch = (closest - root / speed_squared).max(0.0);
-        if touch > 1.0 + TIME_MARGIN {
+        if touch > 1.0 + time_margin {
             return false;
         }
-        // The contact lies between the two times, within contact of the middle between the centres.
+        // The contact lies between the two times.
         let middle = [x[row] + x[other], y[row] + y[other], z[row] + z[other]];
         let drift = [u[row] + u[other], v[row] + v[other], w[row] + w[other]];
         !(0..3).any(|axis| {
-            let margin = 1.5 * self.contact + TIME_MARGIN * drift[axis].abs();
+            let margin = self.off_middle + time_margin * drift[axis].abs();
             let half = 0.5 * self.margins.edges[axis] + margin;
             let [one, two] = [touch, closest].map(|time| 0.5 * (middle[axis] + drift[axis] * time));
             one.min(two) > half || one.max(two) < -half

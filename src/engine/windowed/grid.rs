@@ -214,7 +214,8 @@ impl Grid {
     fn place_at(&self, position: DVec3) -> Place {
         let place = (position + self.half_size) * self.per_width;
         std::array::from_fn(|axis| {
-            (place[axis].floor() as i32).clamp(self.lowest, self.highest[axis])
+            // Rounded down without a call: what lies below -1 is clamped anyway.
+            ((place[axis] + 1.0) as i32 - 1).clamp(self.lowest, self.highest[axis])
         })
     }
 

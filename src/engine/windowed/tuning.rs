@@ -9,8 +9,8 @@ use crate::state::{Placement, State};
 /// Cell width in mean spacings of the balls; measured to be best, and flat around.
 const SPACINGS_PER_CELL: f64 = 3.0;
 
-/// Window length in mean times that a ball takes from one cell into the next.
-const CROSSINGS_PER_WINDOW: f64 = 0.8;
+/// Window length in mean times that a ball takes from one cell into the next; measured to be best, and flat around.
+const CROSSINGS_PER_WINDOW: f64 = 1.0;
 
 /// Mean number of cell faces that a Maxwellian ball crosses while moving one cell width at the speed `sqrt(k T / m)`:
 /// `3 sqrt(2 / pi)`, derived here.
@@ -28,8 +28,8 @@ const SHORTEST_WINDOW: f64 = 1.0 / (1_u64 << 40) as f64;
 /// From which numbers of balls, and at which mean spacing in diameters, this engine is the faster one (measured).
 const FEW_BALLS: usize = 1000;
 const MANY_BALLS: usize = 20_000;
-const DILUTE_FEW: f64 = 2.75;
-const DILUTE_MANY: f64 = 1.75;
+const DILUTE_FEW: f64 = 1.7;
+const DILUTE_MANY: f64 = 1.2;
 
 /// Largest radius in smallest ones up to which the filter, which knows the largest only, lets little through in vain.
 const SIMILAR_SIZE: f64 = 4.0;

@@ -4,8 +4,8 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use super::text::{put, width};
-use crate::tui::app::App;
-use crate::tui::keys::{Binding, KEYS, NEVER};
+use crate::tui::app::{App, Panel};
+use crate::tui::keys::{Action, Binding, KEYS, NEVER};
 use crate::tui::theme;
 
 /// Draws the footer row.
@@ -14,27 +14,53 @@ pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
         put(buffer, area, (1, 0), words, theme::STRONG);
         return;
     }
-    let mut by_rank: Vec<&Binding> = KEYS.iter().collect();
-    by_rank.sort_by_key(|binding| binding.rank);
+    let mut by_rank: Vec<&Binding> = KEYS
+        .iter()
+        .filter(|binding| binding.rank != NEVER)
+        .collect();
+    by_rank.sort_by_key(|binding| rank(app, binding));
     let mut room = area.width.saturating_sub(1);
-    let mut lowest = 0;
+    let mut lowest = None;
     for binding in by_rank {
         let wanted = width(&app.keymap.shown(binding)) + width(binding.short) + 3;
-        if wanted > room || binding.rank == NEVER {
+        if wanted > room {
             break;
         }
         room -= wanted;
-        lowest = binding.rank;
+        lowest = Some(rank(app, binding));
     }
     let mut column = 1;
-    for binding in KEYS.iter().filter(|binding| binding.rank <= lowest) {
-        column = put(
-            buffer,
-            area,
-            (column, 0),
-            &app.keymap.shown(binding),
-            theme::STRONG,
-        ) + 1;
+    let fits = |binding: &&Binding| binding.rank != NEVER && Some(rank(app, binding)) <= lowest;
+    for binding in KEYS.iter().filter(fits) {
+        let keys = app.keymap.shown(binding);
+        column = put(buffer, area, (column, 0), &keys, theme::STRONG) + 1;
         column = put(buffer, area, (column, 0), binding.short, theme::QUIET) + 2;
+    }
+}
+
+/// Place of a binding in the queue for the room: help and quit, then what goes with the panel that fills the window.
+fn rank(app: &App, binding: &Binding) -> (usize, u8) {
+    let own: &[Action] = match app.enlarged {
+        None => &[],
+        Some(Panel::Gas) => &[
+            Action::Enlarge,
+            Action::ZoomIn,
+            Action::SwitchView,
+            Action::Rotate,
+        ],
+        Some(Panel::Now | Panel::History | Panel::Events) => &[
+            Action::Enlarge,
+            Action::HistoryLonger,
+            Action::Earlier,
+            Action::Mark,
+        ],
+        Some(_) => &[Action::Enlarge],
+    };
+    let first = binding.entries[0].action;
+    let place = own.iter().position(|action| *action == first);
+    match (binding.rank, place) {
+        (0 | 1, _) => (0, binding.rank),
+        (rank, Some(place)) => (1 + place, rank),
+        (rank, None) => (1 + own.len(), rank),
     }
 }

@@ -45,6 +45,11 @@ pub(super) fn title_row(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut
         .width
         .saturating_sub(column + width(&snapshot.scene.title) + 5);
     let names = [
+        if snapshot.is_approximate() {
+            format!("engine {}, approximate", snapshot.engine)
+        } else {
+            format!("engine {}", snapshot.engine)
+        },
         format!("engine {}", snapshot.engine),
         snapshot.engine.to_string(),
     ];

@@ -38,7 +38,7 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
             link.round_trip.map_or("it gives none".into(), milliseconds),
         ),
         (
-            "processor time of drawing",
+            "processor time of watching",
             or_dash(
                 link.cpu_share
                     .map(|share| format!("{:.2} % of a core", 100.0 * share)),

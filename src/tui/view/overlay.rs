@@ -9,7 +9,8 @@ use super::SMALLEST;
 use super::text::{framed, put, title, width, wrap};
 use crate::feed::Access;
 use crate::snapshot::Phase;
-use crate::tui::app::{App, Help, Overlay};
+use crate::tui::app::{App, Overlay};
+use crate::tui::help::Help;
 use crate::tui::keys::KEYS;
 use crate::tui::theme;
 

@@ -142,7 +142,7 @@ fn own_figure(snapshot: &Snapshot) -> Option<Row> {
 
 /// Every figure of the accuracy card with its limit, and what else counts with this engine.
 fn figures(snapshot: &Snapshot) -> Vec<Row> {
-    let by_design = snapshot.engine == "step";
+    let by_design = snapshot.is_approximate();
     let mut rows: Vec<Row> = snapshot
         .accuracy()
         .iter()

@@ -93,6 +93,7 @@ const FOUND: f64 = 0.1;
 /// How well time can be reversed: before a reversal how long that works, after it how far the way back has come.
 pub(super) fn echo(snapshot: &Snapshot) -> String {
     match snapshot.echo {
+        _ if snapshot.engine == "statistical" => "none: collisions by chance".into(),
         Some(Echo {
             error: Some(error), ..
         }) if error < FOUND => format!("came back to {} d", relative(Some(error))),
@@ -125,8 +126,8 @@ fn horizon(snapshot: &Snapshot) -> String {
 enum Verdict {
     /// There is nothing to judge yet.
     Open,
-    /// Engine `step`: its errors are the price of its steps.
-    ByDesign,
+    /// Engines `step` and `statistical`: their errors are the price of their steps.
+    ByDesign(&'static str),
     /// All figures are within their limits.
     Sound,
     /// Some are not: the first of them, and how many more.
@@ -139,7 +140,9 @@ fn verdict(snapshot: &Snapshot) -> Verdict {
     if snapshot.phase == Phase::Starting {
         Verdict::Open
     } else if snapshot.engine == "step" {
-        Verdict::ByDesign
+        Verdict::ByDesign("step: errors by design")
+    } else if snapshot.engine == "statistical" {
+        Verdict::ByDesign("approximate by design")
     } else if let Some(first) = unsound.next() {
         Verdict::Look(first.name, unsound.count())
     } else {
@@ -151,7 +154,7 @@ fn verdict(snapshot: &Snapshot) -> Verdict {
 pub(super) fn words(snapshot: &Snapshot) -> String {
     match verdict(snapshot) {
         Verdict::Open => MISSING.into(),
-        Verdict::ByDesign => "step: errors by design".into(),
+        Verdict::ByDesign(words) => words.into(),
         Verdict::Sound => "sound".into(),
         Verdict::Look(name, 0) => format!("LOOK: {name}"),
         Verdict::Look(name, more) => format!("LOOK: {name}, +{more}"),
@@ -162,7 +165,7 @@ pub(super) fn words(snapshot: &Snapshot) -> String {
 pub(super) fn word(snapshot: &Snapshot) -> &'static str {
     match verdict(snapshot) {
         Verdict::Open => MISSING,
-        Verdict::ByDesign => "step",
+        Verdict::ByDesign(_) => "approx.",
         Verdict::Sound => "sound",
         Verdict::Look(..) => "LOOK",
     }
@@ -171,7 +174,7 @@ pub(super) fn word(snapshot: &Snapshot) -> &'static str {
 /// Colour of the verdict, beside its words.
 pub(super) fn style(snapshot: &Snapshot) -> Style {
     match verdict(snapshot) {
-        Verdict::Open | Verdict::ByDesign => theme::VALUE,
+        Verdict::Open | Verdict::ByDesign(_) => theme::VALUE,
         Verdict::Sound => theme::GOOD,
         Verdict::Look(..) => theme::BAD,
     }

@@ -56,6 +56,11 @@ impl StepClock {
         self.next_end().since(until) <= TOLERANCE * self.length
     }
 
+    /// Which step ends next, counted from the origin.
+    pub fn number(&self) -> u64 {
+        self.next
+    }
+
     /// Goes on to the next step.
     pub fn tick(&mut self) {
         self.next += 1;
@@ -63,6 +68,9 @@ impl StepClock {
 
     /// Mirrors the ends of the steps at `now`, which lies between the last and the next: a gas that flies back meets them
     /// again. A step that ends right now ends again, to undo what it did.
+    ///
+    /// # Panics
+    /// If a step is longer than any run.
     pub fn reverse(&mut self, now: Time) {
         let since_last = if self.next > 0 {
             now.since(self.end_of(self.next - 1))

@@ -10,10 +10,10 @@ use std::str::FromStr;
 
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::error::{Error, Result};
+use crate::normal::{normal_vector, standard_normal};
 use crate::scene::{Cell, Scene};
 use crate::snapshot::Units;
 use crate::state::Placement;
@@ -118,10 +118,7 @@ impl Draw {
             .map(|_| match self {
                 Self::Fixed(value) => value,
                 Self::Uniform(most) => most * (1.0 - random.random::<f64>()),
-                Self::Normal(mean, deviation) => {
-                    let normal: f64 = StandardNormal.sample(random);
-                    mean + deviation * normal
-                }
+                Self::Normal(mean, deviation) => mean + deviation * standard_normal(random),
             })
             .find(|&value| {
                 matches!(self, Self::Fixed(_)) || (value >= f64::MIN_POSITIVE && value <= most)
@@ -197,7 +194,7 @@ impl Balls {
     }
 
     fn velocity(&self, random: &mut Xoshiro256PlusPlus) -> Option<DVec3> {
-        let mut normal = || DVec3::from_array([(); 3].map(|()| StandardNormal.sample(random)));
+        let mut normal = || normal_vector(random);
         if let Draw::Normal(mean, deviation) = self.speed {
             return Some(mean + deviation * normal());
         }

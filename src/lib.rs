@@ -44,6 +44,7 @@ pub mod feed;
 pub mod generate;
 pub mod headless;
 pub mod history;
+pub mod normal;
 pub mod output;
 pub mod quantity;
 pub mod report;

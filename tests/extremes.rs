@@ -8,9 +8,9 @@ use moltop::domain::{Boundary, Domain};
 use moltop::engine::Engine;
 use moltop::engine::event_driven::EventDriven;
 use moltop::event::{Collision, Participants};
+use moltop::normal::normal_vector as normal;
 use moltop::state::{Body, Placement, State};
 use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 /// A placement of balls, each with a body of its own kind.
@@ -47,11 +47,6 @@ const UNIT: Body = Body {
 
 fn random(seed: u64) -> Xoshiro256PlusPlus {
     Xoshiro256PlusPlus::seed_from_u64(seed)
-}
-
-/// A normal deviate in each component.
-fn normal(random: &mut Xoshiro256PlusPlus) -> DVec3 {
-    DVec3::from_array([(); 3].map(|()| StandardNormal.sample(random)))
 }
 
 /// A random place between -1 and 1 along each axis.

@@ -4,10 +4,10 @@
 
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::domain::{Boundary, Domain};
+use crate::normal::normal_vector;
 use crate::state::{Body, Placement};
 
 /// The generator that a seed starts.
@@ -17,8 +17,7 @@ pub fn generator(seed: u64) -> Xoshiro256PlusPlus {
 
 /// A normal deviate in each component.
 pub fn normal(random: &mut Xoshiro256PlusPlus) -> DVec3 {
-    let mut component = || StandardNormal.sample(random);
-    DVec3::new(component(), component(), component())
+    normal_vector(random)
 }
 
 /// A direction, all alike.

@@ -24,8 +24,10 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     const IMAGE: f64 = 12.0;
     /// Index of a radius and mass, where they are not all alike.
     const KIND: f64 = 4.0;
+    /// The copy for a checkpoint, and its bytes on their way to the disk.
+    const CHECKPOINT: u64 = 174;
     if Windowed::pays(placement) {
-        return WINDOWED;
+        return WINDOWED + CHECKPOINT;
     }
     let periodic = placement.domain.boundary == Boundary::Periodic;
     let kinds = placement.bodies.len() > 1;
@@ -42,7 +44,7 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
         + if periodic { IMAGE } else { 0.0 }
         + if kinds { KIND } else { 0.0 }
         + placement.domain.planes.len() as f64;
-    bytes.ceil() as u64
+    bytes.ceil() as u64 + CHECKPOINT
 }
 
 /// Cells that engine `event` makes, and how many balls reach into one of them on average.

@@ -8,7 +8,6 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use super::checks::{DEEPEST_IN_WALL, DEEPEST_OVERLAP, check, fault, images, in_plane, wrap};
@@ -16,6 +15,7 @@ use super::contact_grid::ContactGrid;
 use super::reader::number;
 use super::{Cell, Rows, Scene, Sites, Species, Velocities};
 use crate::domain::Boundary;
+use crate::normal::normal_vector;
 use crate::snapshot::Units;
 use crate::state::{Body, Placement};
 
@@ -232,7 +232,7 @@ fn all_velocities(scene: &Scene, bodies: &[Body], random: &mut Xoshiro256PlusPlu
 }
 
 fn draw(rule: Velocities, mass: f64, units: Units, random: &mut Xoshiro256PlusPlus) -> DVec3 {
-    let mut normal = || DVec3::from_array([(); 3].map(|()| StandardNormal.sample(random)));
+    let mut normal = || normal_vector(random);
     match rule {
         Velocities::Maxwell { temperature } => {
             normal() * (units.boltzmann() * temperature / mass).sqrt()

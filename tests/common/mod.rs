@@ -2,16 +2,10 @@
 
 use glam::DVec3;
 use moltop::domain::Domain;
+pub use moltop::normal::normal_vector as normal;
 use moltop::state::{Body, Placement};
 use rand::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
-
-/// A normal deviate in each component.
-pub fn normal(random: &mut Xoshiro256PlusPlus) -> DVec3 {
-    let mut component = || StandardNormal.sample(random);
-    DVec3::new(component(), component(), component())
-}
 
 /// The seed's scene: `n^3` balls of mass 1 and radius 1/2 on a lattice of spacing 1.5 in a container with edge `1.5 n + 1.5`,
 /// velocities normal with deviation 1.

@@ -328,7 +328,7 @@ fn the_past_is_made_again_bit_for_bit_across_a_reversal_and_the_run_goes_on() {
         let now = wait_for(&feed, then);
         let past = PastFeed(&feed).latest();
         assert_eq!((past.time, past.phase.clone()), (time, Phase::Finished));
-        assert!(past.sample.is_some() && past.reversed == !reversals.is_empty());
+        assert!(past.sample.is_some() && past.reversed != reversals.is_empty());
         assert_eq!(past.state_hash, hash(&[&reversals[..], &[time]].concat()));
         assert!(
             now.time >= before && now.phase == Phase::Running,

@@ -131,7 +131,7 @@ fn the_seeds_scenes_run() {
 
 #[test]
 fn equal_speeds_become_maxwellian_within_five_collisions_per_ball() {
-    let (last, _) = run("relaxation", 8.0);
+    let (last, _) = run("relaxation", 24.0);
     let relaxation = &last.observables[0];
     let column = |name: &str| {
         let column = relaxation.columns.iter().find(|column| column.name == name);
@@ -163,7 +163,7 @@ fn equal_speeds_become_maxwellian_within_five_collisions_per_ball() {
             maxwell[row]
         );
     }
-    // Of 8000 balls at one instant the moment scatters by 1.3 %.
+    // Of 8000 balls at one instant the moment scatters by 1.3 %, and some 40 of the instants are independent.
     assert!(
         (fourth[late..].iter().sum::<f64>() / fourth[late..].len() as f64 / (5.0 / 3.0) - 1.0)
             .abs()

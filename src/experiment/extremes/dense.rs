@@ -19,7 +19,7 @@ fn cage(gap: f64) -> Placement {
     };
     let half = 2.0 + 2.5 * gap;
     let gas = container(DVec3::splat(half), (0..64).map(place).collect());
-    with_normal_velocities(gas, 1)
+    with_normal_velocities(gas, 2)
 }
 
 /// Row 10.

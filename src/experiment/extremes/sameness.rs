@@ -14,7 +14,7 @@ use crate::worker::engines::{CalendarName, Choice};
 
 /// What [`State::hash`] gives for the seed's scene of 512 balls, velocities of seed 1, after 10 s, on any machine and in any
 /// build.
-const KNOWN_HASH: u64 = 0x2295_5d0e_b447_e505;
+const KNOWN_HASH: u64 = 0x0cab_5c5a_2f28_aca6;
 
 fn hash_after(choice: Choice, gas: &Placement, time: f64) -> u64 {
     let mut trial = Trial::new(choice, gas);

@@ -1,6 +1,6 @@
 //! Checkpoint files: a value as it was at one moment, whole or refused.
 //!
-//! A file is a header of [`HEADER_LENGTH`] bytes and a body in blocks. The header: magic, version of the format, length of the body,
+//! A file is a header of `HEADER_LENGTH` bytes and a body in blocks. The header: magic, version of the format, length of the body,
 //! hash of the scene, checksum. A block: its length, its checksum, its bytes; all numbers little-endian. The body is one postcard
 //! stream, in which an f64 is its eight bytes, so it reads back bit for bit.
 //!

@@ -13,7 +13,7 @@
 //! piece has begun or ended before a meeting is settled when that meeting's turn comes. So the collisions are those of the true
 //! dynamics, and since predictions are pure functions of trajectories they are those of engine `event`, bit for bit.
 //!
-//! The exact flights are in the state, by ball. Beside them the engine keeps one [`Line`] of 32 bytes for each: where it is at
+//! The exact flights are in the state, by ball. Beside them the engine keeps one `Line` of 32 bytes for each: where it is at
 //! the beginning of the window and its velocity, in f32, moved on from window to window and made anew from the exact flight at
 //! each collision and each sorting. Lines are sorted along a Morton curve through the cells. The curve is cut into regions, one
 //! for each thread; only the commits are done by one.

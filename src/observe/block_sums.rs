@@ -1,6 +1,6 @@
 //! Sums over blocks of a run, from which any quantity made of sums has a mean and a standard error.
 //!
-//! The run is cut into at most [`MOST_BLOCKS`] blocks of equally many records; when there would be more, neighbours merge. So a
+//! The run is cut into at most `MOST_BLOCKS` blocks of equally many records; when there would be more, neighbours merge. So a
 //! run of any length costs the same memory, and blocks grow longer than any correlation.
 //!
 //! Source: Flyvbjerg & Petersen, J. Chem. Phys. 91, 461 (1989), for errors from merged blocks.

@@ -1,6 +1,6 @@
 //! Correlations over many decades of time in one pass and constant memory: the multiple-tau correlator.
 //!
-//! Level `l` keeps the last [`POINTS`] of every `2^l`-th record, so lags grow like powers of two and the work per record does
+//! Level `l` keeps the last `POINTS` of every `2^l`-th record, so lags grow like powers of two and the work per record does
 //! not grow with the run. Records are thinned, not averaged: every lag is exact, only its number of pairs is smaller.
 //!
 //! Source: Ramirez, Sukumaran, Vorselaars & Likhtman, J. Chem. Phys. 133, 154103 (2010), there with averaging.

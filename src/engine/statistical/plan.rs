@@ -143,7 +143,7 @@ impl Plan {
     /// What the step and the cells get wrong.
     ///
     /// Sources: Garcia & Wagner, Phys. Fluids 12, 2621 (2000), for the step; Alexander, Garcia & Alder, Phys. Fluids 10, 1540
-    /// (1998), for the cells; pressure and rate measured on oxygen near standard conditions.
+    /// (1998), for the cells, both recalled; pressure and rate are bounds assumed here, not yet compared with an exact run.
     pub fn errors(&self) -> Errors {
         let Resolution { step, cell } = self.resolution;
         let (step, cell) = (step * step, cell * cell);

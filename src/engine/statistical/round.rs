@@ -336,7 +336,7 @@ pub fn fly<const EACH: bool, const ALIKE: bool>(
     let [limit_x, limit_y, limit_z] = rules.nearest;
     for record in balls {
         // Number by number: whole records that go through memory in other pieces than they came wait until all stores before
-        // them have reached the cache (three times as slow, measured).
+        // them have reached the cache (about twice as slow, measured).
         let [mut u, mut v, mut w] = record.velocity;
         let mut collisions = record.collisions;
         let mut x = record.position[0] + u * step;

@@ -7,17 +7,12 @@ use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::domain::{Boundary, Domain};
-use crate::normal::normal_vector;
+pub use crate::normal::normal_vector as normal;
 use crate::state::{Body, Placement};
 
 /// The generator that a seed starts.
 pub fn generator(seed: u64) -> Xoshiro256PlusPlus {
     Xoshiro256PlusPlus::seed_from_u64(seed)
-}
-
-/// A normal deviate in each component.
-pub fn normal(random: &mut Xoshiro256PlusPlus) -> DVec3 {
-    normal_vector(random)
 }
 
 /// A direction, all alike.

@@ -65,7 +65,7 @@ fn largest_radius(gas: &Placement) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Whether the windowed engine is faster than `event` for a gas: enough balls of like size, far enough apart.
+/// Whether the windowed engine is faster than `event` for a gas: enough balls of like size that can meet, far enough apart.
 pub fn pays(gas: &Placement) -> bool {
     let count = gas.positions.len();
     let spacing = (gas.domain.volume() / count as f64).cbrt();
@@ -80,7 +80,8 @@ pub fn pays(gas: &Placement) -> bool {
     } else {
         DILUTE_FEW
     };
-    count >= FEW_BALLS
+    largest > 0.0
+        && count >= FEW_BALLS
         && largest <= SIMILAR_SIZE * smallest
         && spacing >= dilute * 2.0 * largest
         && supports(gas)

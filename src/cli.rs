@@ -381,7 +381,7 @@ pub struct RunOptions {
     /// Write every observable over the whole run as CSV: finer for the recent past, with mean, lowest and highest value
     #[arg(long, value_name = "FILE", env = "MOLTOP_HISTORY")]
     pub history: Option<PathBuf>,
-    /// Write all balls now and then, for OVITO, ASE, MDAnalysis and the like: extended XYZ (.xyz, .extxyz) or a LAMMPS dump
+    /// Write all balls now and then, for OVITO, ASE and the like: extended XYZ (.xyz, .extxyz) or a LAMMPS dump
     /// (.lammpstrj, .dump), compressed if the name ends in .zst
     #[arg(long, value_name = "FILE", env = "MOLTOP_TRAJECTORY")]
     pub trajectory: Option<PathBuf>,

@@ -1,4 +1,4 @@
-//! `--trajectory`: the balls frame by frame, in two formats that OVITO, ASE, MDAnalysis and others read.
+//! `--trajectory`: the balls frame by frame, in two formats that OVITO, ASE and others read.
 //!
 //! Extended XYZ (`.xyz`, `.extxyz`) has the time of each frame; a LAMMPS dump (`.lammpstrj`, `.dump`) numbers its frames, and
 //! the time is the number times what lies between two. A name that ends in `.zst` is compressed, each frame by itself, so that

@@ -4,21 +4,19 @@ mod common;
 #[path = "common/random_scene.rs"]
 mod random_scene;
 
-use std::path::Path;
-
+use common::seed_scene;
 use glam::DVec3;
 use moltop::calendar::Indexed;
 use moltop::domain::{Boundary, Plane};
 use moltop::engine::Engine;
 use moltop::engine::event_driven::{EventDriven, fitting};
 use moltop::event::Collision;
-use moltop::scene::{Scene, analysis};
+use moltop::scene::analysis;
 use moltop::state::{Body, Placement, State};
 use random_scene::random_scene;
 
 fn seed_512() -> Placement {
-    let scene = Scene::load(Path::new("configs/seed-512.toml")).expect("a good scene");
-    scene.place().expect("a good scene")
+    seed_scene(8, 1)
 }
 
 /// State hash and collisions after two units of time.

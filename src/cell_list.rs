@@ -259,6 +259,22 @@ impl<B: KnownBoundary> CellList<B> {
         }
     }
 
+    /// The image of [`Self::for_each_image`] where there is just one, as nearly always; `None` where there may be several. Found
+    /// without a branch that depends on the ball.
+    #[inline]
+    pub fn only_image(&self, cell: Cell, ball: u32) -> Option<IVec3> {
+        let range = self.ranges[ball as usize];
+        let mut only = true;
+        let image = std::array::from_fn(|axis| {
+            let count = i32::from(self.cell_counts[axis]);
+            let [low, high] =
+                [range.low, range.high].map(|end| i32::from(end[axis]) - i32::from(cell[axis]));
+            only &= (high - low < count) & (-count <= high) & (high < 2 * count);
+            i32::from(high >= count) - i32::from(high < 0)
+        });
+        only.then_some(IVec3::from_array(image))
+    }
+
     #[inline]
     fn company(&self, cell: Cell) -> Company<'_> {
         let inside = |axis: usize| 0 < cell[axis] && cell[axis] < self.cell_counts[axis] - 1;

@@ -105,17 +105,36 @@ fn look_at_images<N: Needs>(
     cell: Cell,
     best: &mut Candidate,
 ) {
-    let trajectory = state.trajectories[ball];
-    let radius = state.bodies.of(ball).radius;
-    for &other in others.iter().filter(|&&other| other as usize != ball) {
-        let contact = radius + state.bodies.of(other as usize).radius;
-        cells.for_each_image(cell, other, |image| {
-            let shift = image.as_dvec3() * state.domain.period();
-            let other_flight = &state.trajectories[other as usize];
-            if let Some(time) = image_pair_time(&trajectory, other_flight, contact, shift) {
-                best.improve(ball, other, time, image.to_array().map(|boxes| boxes as i8));
-            }
-        });
+    let trajectory = &state.trajectories[ball];
+    let radius = N::body(&state.bodies, ball).radius;
+    let contact = |other: u32| radius + N::body(&state.bodies, other as usize).radius;
+    let period = state.domain.period();
+    for others in others.chunks(AT_ONCE) {
+        let mut possible = [0; AT_ONCE];
+        let mut count = 0;
+        for &other in others {
+            let flight = &state.trajectories[other as usize];
+            let (_, separation) = separation_at_later_begin(trajectory, flight);
+            let velocity = trajectory.velocity - flight.velocity;
+            possible[count] = other;
+            count += usize::from(match cells.only_image(cell, other) {
+                Some(image) => may_meet(
+                    separation + image.as_dvec3() * period,
+                    velocity,
+                    contact(other),
+                ),
+                None => other as usize != ball,
+            });
+        }
+        for &other in &possible[..count] {
+            cells.for_each_image(cell, other, |image| {
+                let shift = image.as_dvec3() * period;
+                let flight = &state.trajectories[other as usize];
+                if let Some(time) = image_pair_time(trajectory, flight, contact(other), shift) {
+                    best.improve(ball, other, time, image.to_array().map(|boxes| boxes as i8));
+                }
+            });
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 pub use accuracy::Check;
-pub use observables::{Column, Figure, Observed, by_name};
+pub use observables::{Column, Curve, Figure, ObservableName, Observed, by_name};
 
 pub use crate::history::{History, Observable, Range, Stretch};
 
@@ -307,6 +307,12 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
+    /// What an observable has found, if it is observed.
+    pub fn observed(&self, name: ObservableName) -> Option<&Observed> {
+        let mut all = self.observables.iter();
+        all.find(|observed| observed.name == name.key())
+    }
+
     /// The snapshot of a run that has not begun.
     pub fn starting(scene: Arc<SceneCard>, engine: &'static str, until: Option<f64>) -> Self {
         Self {

@@ -5,7 +5,10 @@ mod fake;
 use std::sync::Arc;
 
 use moltop::feed::Command;
-use moltop::snapshot::{Boundary, Echo, Observable, Phase, SceneCard, Snapshot, Stretch};
+use moltop::snapshot::{
+    Boundary, Column, Echo, Figure, Observable, ObservableName, Observed, Phase, SceneCard,
+    Snapshot, Stretch,
+};
 use moltop::tui::Leave;
 use moltop::tui::app::{App, Overlay, Panel};
 use moltop::tui::camera::Camera;
@@ -403,7 +406,7 @@ fn a_panel_is_chosen_enlarged_and_left() {
     press(&mut app, KeyCode::BackTab);
     assert_eq!(app.enlarged, Some(Panel::Gas));
     press(&mut app, KeyCode::BackTab);
-    assert_eq!(app.enlarged, Some(Panel::Link));
+    assert_eq!(app.enlarged, Some(Panel::Observables));
     press(&mut app, KeyCode::Esc);
     assert_eq!((app.enlarged, app.chosen), (None, None));
 }
@@ -551,4 +554,79 @@ fn control_c_leaves_at_once() {
     let mut app = watching(&Phase::Running, false);
     let key = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
     assert_eq!(app.press(key, &mut |_| {}), Some(Leave::Quit));
+}
+
+/// What two observables have found: one with figures and a curve, one with a curve and theory.
+fn observing() -> Snapshot {
+    let column = |name: &str, value: &dyn Fn(f64) -> f64| Column {
+        name: name.into(),
+        values: (1..100).map(|row| Some(value(f64::from(row)))).collect(),
+    };
+    let figure = |name: &str, value: f64, error: f64, expected: f64, unit: &str| Figure {
+        name: name.into(),
+        value: Some(value),
+        standard_error: Some(error),
+        expected: Some(expected),
+        unit: unit.into(),
+    };
+    let radial = Observed {
+        name: "radial_distribution".into(),
+        figures: vec![figure("contact_value", 1.0141, 0.0021, 1.0142, "")],
+        columns: vec![
+            column("distance", &|row| 3.46e-10 * (1.0 + row / 50.0)),
+            column("radial_distribution", &|row| {
+                1.0 + 0.014 * (-row / 20.0).exp()
+            }),
+        ],
+    };
+    let motion = Observed {
+        name: "motion".into(),
+        figures: vec![figure(
+            "diffusion_coefficient.O2",
+            1.412e-5,
+            3e-8,
+            1.409e-5,
+            "m²/s",
+        )],
+        columns: vec![
+            column("time", &|row| 1e-11 * row),
+            column("mean_square_displacement.O2", &|row| {
+                1e-17 * row * row / (1.0 + row / 9.0)
+            }),
+            column("expected.O2", &|row| {
+                9.6e-18 * row * row / (1.0 + row / 9.0)
+            }),
+        ],
+    };
+    Snapshot {
+        observables: Arc::new(vec![radial, motion]),
+        ..running(oxygen(), 12)
+    }
+}
+
+#[test]
+fn observables_are_shown_and_switched_by_keys() {
+    let mut app = watching(&Phase::Running, false);
+    show(&mut app, observing());
+    // The first press of either key shows the panel, and changes nothing.
+    let (_, commands) = press(&mut app, KeyCode::Char('O'));
+    assert_eq!((app.enlarged, commands), (Some(Panel::Observables), vec![]));
+    golden("observables_radial", &app, 80, 24);
+    golden("observables_radial", &app, 132, 43);
+    golden("observables_radial", &app, 40, 12);
+    let (_, commands) = press(&mut app, KeyCode::Char('O'));
+    let off = Command::Observe(ObservableName::RadialDistribution, false);
+    assert_eq!(commands, [off]);
+    press(&mut app, KeyCode::Char('o'));
+    golden("observables_off", &app, 80, 24);
+    let (_, commands) = press(&mut app, KeyCode::Char('O'));
+    let on = Command::Observe(ObservableName::DensityProfile, true);
+    assert_eq!(commands, [on]);
+    press(&mut app, KeyCode::Char('o'));
+    assert_eq!(app.observable, ObservableName::Motion);
+    golden("observables_motion", &app, 80, 24);
+    (0..4).for_each(|_| drop(press(&mut app, KeyCode::Char('o'))));
+    assert_eq!(app.observable, ObservableName::RadialDistribution);
+    press(&mut app, KeyCode::Char('9'));
+    assert_eq!(app.enlarged, None);
 }

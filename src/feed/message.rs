@@ -16,7 +16,7 @@ use crate::snapshot::{History, Observed, Sample, SceneCard, Snapshot, Speeds, St
 /// Number of the messages' layout: both sides must have the same.
 ///
 /// Grows with every change of a message or of anything in a [`Snapshot`]; `Hello` and `Refused` never change.
-pub const PROTOCOL: u32 = 2;
+pub const PROTOCOL: u32 = 3;
 
 /// Longest message that is accepted \[bytes\].
 const LONGEST: usize = 64 << 20;

@@ -9,7 +9,7 @@ use ratatui::crossterm::event::{
 };
 
 use crate::feed::{Access, Command};
-use crate::snapshot::{Phase, Snapshot};
+use crate::snapshot::{ObservableName, Phase, Snapshot};
 use crate::tui::Leave;
 use crate::tui::camera::Camera;
 use crate::tui::ceiling::{is_rate, step_above, step_below};
@@ -51,11 +51,13 @@ pub enum Panel {
     Trust,
     /// What watching costs.
     Link,
+    /// What is observed on demand.
+    Observables,
 }
 
 impl Panel {
     /// All of them, in the order of their numbers.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Gas,
         Self::Now,
         Self::Speeds,
@@ -64,6 +66,7 @@ impl Panel {
         Self::Events,
         Self::Trust,
         Self::Link,
+        Self::Observables,
     ];
 
     /// How many stand side by side in a large enough window.
@@ -136,6 +139,8 @@ pub struct App {
     pub turning: bool,
     /// The panel that fills the window.
     pub enlarged: Option<Panel>,
+    /// The observable that the keys are for.
+    pub observable: ObservableName,
     /// The panel that the tabulator key chose.
     pub chosen: Option<Panel>,
     /// Which part of the history the charts show.
@@ -175,6 +180,7 @@ impl App {
             ascii,
             turning: false,
             enlarged: None,
+            observable: ObservableName::RadialDistribution,
             chosen: None,
             span: Span::default(),
             marks: Vec::new(),
@@ -300,6 +306,8 @@ impl App {
             Action::Panel(number) => {
                 self.enlarge(Panel::ALL.get(usize::from(number.max(1) - 1)).copied())
             }
+            Action::NextObservable => self.next_observable(),
+            Action::Observe => self.switch_observable(send),
             Action::NextPanel => self.choose(1),
             Action::PreviousPanel => self.choose(-1),
             Action::Enlarge => self.enlarge(self.chosen.or(self.enlarged)),
@@ -347,6 +355,25 @@ impl App {
             self.enlarged = Some(Panel::ALL[next]);
         } else {
             self.chosen = Some(Panel::ALL[next]);
+        }
+    }
+
+    /// Shows the observables, and chooses the next one if they are shown already.
+    fn next_observable(&mut self) {
+        if self.enlarged.replace(Panel::Observables) == Some(Panel::Observables) {
+            let all = ObservableName::ALL;
+            let place = all.iter().position(|name| *name == self.observable);
+            self.observable = all[place.map_or(0, |place| (place + 1) % all.len())];
+        }
+    }
+
+    /// Has the chosen observable observed, or no more, where it can be seen what happens.
+    fn switch_observable(&mut self, send: &mut dyn FnMut(Command)) {
+        if self.enlarged == Some(Panel::Observables) && self.going_on() {
+            let on = self.latest.observed(self.observable).is_some();
+            send(Command::Observe(self.observable, !on));
+        } else {
+            self.enlarged = Some(Panel::Observables);
         }
     }
 

@@ -45,6 +45,10 @@ pub enum Action {
     ResetCamera,
     /// Fill the window with a panel, by its number, or go back.
     Panel(u8),
+    /// Choose the next observable.
+    NextObservable,
+    /// Observe the chosen observable, or no more.
+    Observe,
     /// Choose the next panel.
     NextPanel,
     /// Choose the panel before.
@@ -240,6 +244,16 @@ pub const KEYS: &[Binding] = &[
         short: "panels",
         help: "gas, now, speeds, run, history, events, trust, link: in the whole window, and back",
         rank: 5,
+    },
+    Binding {
+        entries: &[
+            entry(Action::Panel(9), "panel-9", &[key('9')]),
+            entry(Action::NextObservable, "next-observable", &[key('o')]),
+            entry(Action::Observe, "observe", &[key('O')]),
+        ],
+        short: "observables",
+        help: "observables: in the whole window, choose the next, observe it or no more",
+        rank: 22,
     },
     Binding {
         entries: &[

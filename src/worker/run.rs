@@ -18,7 +18,7 @@ use crate::feed::Command;
 use crate::history::{History, Observable, Stretch};
 use crate::observe::Observer;
 use crate::observe::on_demand::OnDemand;
-use crate::snapshot::{Expected, NamedBall, Observed, Phase, SeriesRow, Snapshot};
+use crate::snapshot::{Expected, NamedBall, ObservableName, Observed, Phase, SeriesRow, Snapshot};
 use crate::state::{Placement, State};
 use crate::trajectory_file::{Frame, Recorder};
 
@@ -163,7 +163,7 @@ pub fn run(
             );
             run.echo = EchoWatch::new(run.engine.state());
             let plan = setting.origin.plan.as_ref();
-            run.on_demand = plan.map(|plan| plan.observers(run.engine.state()));
+            run.on_demand = plan.and_then(|plan| plan.observers(run.engine.state()));
             run
         }
         Begin::Saved(saved) => {
@@ -341,9 +341,21 @@ impl<'a> Run<'a> {
             }
             Command::Goto(time) => self.past = time.and_then(|time| self.go_back(time)),
             Command::Watch(watched) => self.watched = watched,
+            Command::Observe(name, on) => self.observe(name, on),
         }
         self.publish(None);
         ControlFlow::Continue(())
+    }
+
+    /// Observes something from now on, or no more.
+    fn observe(&mut self, name: ObservableName, on: bool) {
+        let Some(plan) = &self.setting.origin.plan else {
+            return;
+        };
+        self.engine.settle();
+        let switched = plan.switch(&mut self.on_demand, name, on, self.engine.state());
+        self.notice = switched.err();
+        self.evaluate_observables();
     }
 
     /// Simulated time: what was asked for, where the engine has got there.
@@ -618,6 +630,7 @@ impl<'a> Run<'a> {
             .as_ref()
             .zip(self.on_demand.as_ref())
         else {
+            self.observables = Arc::default();
             return;
         };
         let began = Instant::now();

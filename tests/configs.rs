@@ -21,6 +21,7 @@ fn run(name: &str, until: f64) -> (Arc<Snapshot>, Outcome) {
         checkpoint_every: Duration::MAX,
         until_error: None,
         reversals: Vec::new(),
+        trajectory: None,
         program_start: Instant::now(),
     };
     let outcome = Worker::start(&scene, placement, options).join();

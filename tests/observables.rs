@@ -19,6 +19,7 @@ fn run(text: &str, engine: Choice) -> Arc<Snapshot> {
         checkpoint_every: Duration::MAX,
         until_error: None,
         reversals: Vec::new(),
+        trajectory: None,
         program_start: Instant::now(),
     };
     let outcome = Worker::start(&scene, scene.place().expect("a good scene"), options).join();

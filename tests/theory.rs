@@ -47,6 +47,7 @@ fn check(scene: &Scene, until: f64, tolerance: [f64; 3]) {
         checkpoint_every: Duration::MAX,
         until_error: None,
         reversals: Vec::new(),
+        trajectory: None,
         program_start: Instant::now(),
     };
     let last = Worker::start(scene, placement, options).join().snapshot;

@@ -20,6 +20,7 @@ use crate::observe::Observer;
 use crate::observe::on_demand::OnDemand;
 use crate::snapshot::{Expected, NamedBall, Observed, Phase, SeriesRow, Snapshot};
 use crate::state::{Placement, State};
+use crate::trajectory_file::{Frame, Recorder};
 
 /// Wall time between two snapshots.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(100);
@@ -111,6 +112,8 @@ struct Run<'a> {
     last_point: (Totals, f64),
     last_row: Totals,
     rows: u64,
+    /// Number of the next frame of the trajectory.
+    next_frame: u64,
     phase: Phase,
     /// Simulated times at which time was reversed.
     reversals: Vec<f64>,
@@ -187,6 +190,7 @@ pub fn run(
     };
     run.setup_time_s = setting.options.program_start.elapsed().as_secs_f64();
     run.publish(None);
+    run.record_frame_if_due(run.time());
     run.go();
     run.write_history();
     run.save_at_the_end(); // before the engine is settled, which moves where flights are counted from
@@ -234,6 +238,7 @@ impl<'a> Run<'a> {
             last_point: (Totals::default(), 0.0),
             last_row: Totals::default(),
             rows: 0,
+            next_frame: (setting.options.trajectory.as_ref()).map_or(0, Recorder::first),
             phase: Phase::Running,
             reversals: Vec::new(),
             watched: false,
@@ -363,6 +368,7 @@ impl<'a> Run<'a> {
         }
         let stops = [
             Some(next_row),
+            self.frame_due(),
             self.step_until,
             self.echo.back_at(),
             self.setting.options.reversals.get(self.turned).copied(),
@@ -385,6 +391,7 @@ impl<'a> Run<'a> {
             self.engine.settle();
             self.echo.arrive(self.engine.state());
         }
+        self.record_frame_if_due(target);
         let at_row = target >= next_row;
         if at_row || began >= self.survey_due {
             self.look_at_every_ball();
@@ -418,6 +425,27 @@ impl<'a> Run<'a> {
             self.publish(None);
         }
         Ok(ControlFlow::Continue(()))
+    }
+
+    /// Simulated time of the next frame of the trajectory.
+    fn frame_due(&self) -> Option<f64> {
+        let trajectory = self.setting.options.trajectory.as_ref()?;
+        Some(trajectory.time_of(self.next_frame))
+    }
+
+    fn record_frame_if_due(&mut self, time: f64) {
+        let Some(trajectory) = &self.setting.options.trajectory else {
+            return;
+        };
+        if time >= trajectory.time_of(self.next_frame) {
+            self.engine.settle();
+            trajectory.add(Frame {
+                number: self.next_frame,
+                time: trajectory.time_of(self.next_frame),
+                balls: self.engine.state().placement(),
+            });
+            self.next_frame += 1;
+        }
     }
 
     fn reverse(&mut self) {
@@ -538,6 +566,8 @@ impl<'a> Run<'a> {
             last_point: self.last_point,
             last_row: self.last_row,
             rows: self.rows,
+            trajectory: (self.setting.options.trajectory.as_ref())
+                .and_then(|trajectory| trajectory.mark(self.next_frame)),
             reversals: self.reversals.clone(),
         }
     }
@@ -813,6 +843,7 @@ impl<'a> Run<'a> {
             past: self.past.as_ref().map(Past::latest),
             last_checkpoint: self.writer.as_ref().and_then(Writer::written),
             notice: (self.writer.as_ref().and_then(Writer::trouble))
+                .or_else(|| self.setting.options.trajectory.as_ref()?.trouble())
                 .or_else(|| self.notice.clone()),
             peak_rss_bytes: measure::peak_memory(),
             state_hash,

@@ -4,9 +4,10 @@ use clap::ValueEnum;
 
 use crate::engine::statistical::{CAREFUL, Plan, QUICK, Resolution, USUAL};
 use crate::quantity::plain;
+use crate::scene::analysis::packing_fraction;
 use crate::state::{Placement, State};
 use crate::worker::engines::{
-    CalendarName, Choice, EngineName, Wishes, mean_diameter, thermal_speed,
+    CalendarName, Choice, EngineName, Wishes, mean_diameter, pressure_error, thermal_speed,
 };
 
 /// Steps, as shares of the time in which a thermal ball flies its own diameter.
@@ -153,34 +154,38 @@ impl Settings {
         }
     }
 
-    /// Adds what `--accuracy` chooses, unless it is there.
-    pub fn add_choice(&mut self, choice: Choice, gas: &Placement) {
-        if let Choice::Statistical {
-            resolution,
-            threads,
-            ..
-        } = choice
-            && !self.allowed.iter().any(|setting| setting.choice == choice)
-        {
-            self.push(statistical(resolution, threads, gas), choice, gas);
+    /// The same with these choices, as far as they are not there.
+    pub fn with(mut self, choices: impl Iterator<Item = Choice>, gas: &Placement) -> Self {
+        for choice in choices {
+            if let Choice::Statistical {
+                resolution,
+                threads,
+                ..
+            } = choice
+                && !self.allowed.iter().any(|setting| setting.choice == choice)
+            {
+                self.push(statistical(resolution, threads, gas), choice, gas);
+            }
         }
+        self
     }
 
-    /// Keeps the first, which others are held against, and those of these engines; all if there are none.
-    pub fn keep(&mut self, engines: &[EngineName]) {
+    /// The first, which others are held against, and those of these engines; all if there are none.
+    pub fn only(mut self, engines: &[EngineName]) -> Self {
         let names: Vec<String> = engines
             .iter()
             .filter_map(ValueEnum::to_possible_value)
             .map(|name| name.get_name().to_owned())
             .collect();
         if names.is_empty() {
-            return;
+            return self;
         }
         let wanted = |name: &str| names.iter().any(|wanted| wanted == name);
         let first = self.allowed.first().map(|setting| setting.choice);
         self.allowed
             .retain(|setting| Some(setting.choice) == first || wanted(setting.choice.name()));
         self.refused.retain(|(engine, _)| wanted(engine));
+        self
     }
 
     fn push(&mut self, name: String, choice: Choice, gas: &Placement) {
@@ -195,6 +200,16 @@ impl Settings {
                         errors.viscosity,
                     ]
                 }),
+            Choice::Step(step) => {
+                let way = step * thermal_speed(gas) / mean_diameter(gas);
+                [
+                    pressure_error(way, packing_fraction(gas)),
+                    2.0 / 3.0 * way * way,
+                    0.0,
+                    0.0,
+                ]
+                .map(|law| if law.is_finite() { law.min(1.0) } else { 0.0 })
+            }
             _ => [0.0; 4],
         };
         self.allowed.push(Setting { name, choice, law });

@@ -22,7 +22,7 @@ use crate::scene::{Scene, is_seed_text, observe};
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
 use crate::worker::engines::{Accuracy, Choice, EngineName, Offer, Wishes};
-use crate::worker::{LocalFeed, Options, Worker};
+use crate::worker::{LocalFeed, OnTrouble, Options, Worker};
 use resumed::Resumed;
 
 /// A run that could start: the scene is good and its balls are placed, or its checkpoint is; its outputs can be written.
@@ -32,6 +32,7 @@ pub struct Prepared {
     run_dir: Option<PathBuf>,
     checkpoint_every: Duration,
     until_error: Option<f64>,
+    on_trouble: OnTrouble,
 }
 
 /// What a run comes from.
@@ -93,6 +94,7 @@ impl Prepared {
             run_dir: options.run_dir.clone(),
             checkpoint_every: options.checkpoint_every,
             until_error: options.until_error,
+            on_trouble: options.on_trouble,
         })
     }
 
@@ -156,6 +158,7 @@ impl Prepared {
             series: sender,
             directory: directory.as_ref().map(|found| found.path().to_owned()),
             checkpoint_every: self.checkpoint_every,
+            on_trouble: Some(self.on_trouble),
             program_start,
         };
         let worker = match self.origin {

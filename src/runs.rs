@@ -1,4 +1,6 @@
-//! The commands about runs of other processes: list, status, pause, resume, reverse, stop, watch.
+//! The commands about runs of other processes: list, status, pause, resume, reverse, stop, watch, clean.
+
+mod clean;
 
 use std::fs;
 use std::io::{self, Write};
@@ -18,6 +20,8 @@ use crate::run::{say, tell};
 use crate::run_directory::{EXIT, Found, SUMMARY};
 use crate::signals::Signals;
 use crate::snapshot::{NamedBall, Phase, Pressure, Snapshot, Units};
+
+pub use clean::clean;
 
 /// How long a run has to obey a command.
 const OBEYED: Duration = Duration::from_secs(10);

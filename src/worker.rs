@@ -13,6 +13,7 @@ mod pace;
 mod past;
 mod run;
 mod saved;
+mod watchdog;
 mod writer;
 
 use std::io::Write;
@@ -24,6 +25,7 @@ use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 pub use saved::{Origin, SavedRun};
+pub use watchdog::OnTrouble;
 
 use crate::feed::{Command, Feed};
 use crate::scene::Scene;
@@ -49,6 +51,8 @@ pub struct Options {
     pub directory: Option<PathBuf>,
     /// Wall time between two checkpoints.
     pub checkpoint_every: Duration,
+    /// What is done when the run's accuracy is in doubt; `None` does not look.
+    pub on_trouble: Option<OnTrouble>,
     /// When the program started, for `setup_time_s`.
     pub program_start: Instant,
 }

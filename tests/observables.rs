@@ -17,6 +17,7 @@ fn run(text: &str, engine: Choice) -> Arc<Snapshot> {
         series: None,
         directory: None,
         checkpoint_every: Duration::MAX,
+        on_trouble: None,
         until_error: None,
         reversals: Vec::new(),
         program_start: Instant::now(),

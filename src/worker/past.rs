@@ -145,6 +145,7 @@ fn follow(
         series: None,
         directory: None,
         checkpoint_every: Duration::MAX,
+        on_trouble: None,
         reversals: ahead.filter(|&turn| turn < time).collect(),
         program_start,
     };

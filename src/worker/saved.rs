@@ -83,6 +83,8 @@ pub struct SavedRun {
     pub(super) rows: u64,
     /// Simulated times at which time was reversed.
     pub(super) reversals: Vec<f64>,
+    /// Simulated times that watchers have marked.
+    pub(super) marks: Vec<f64>,
 }
 
 impl Origin {

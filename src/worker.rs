@@ -196,6 +196,7 @@ fn failed(last: &Snapshot, panic: &Box<dyn std::any::Any + Send>) -> Snapshot {
         "the engine failed (a bug in moltop): {}",
         words.unwrap_or("no message")
     );
+    tracing::error!("{reason}");
     Snapshot {
         phase: Phase::Failed(reason),
         sequence: last.sequence + 1,

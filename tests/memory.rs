@@ -55,7 +55,9 @@ fn a_day_takes_no_more_memory_than_an_hour() {
     let seconds = if day { 86_400 } else { 2_000 };
     let grown = growth(seconds, &mut ends);
     let per_day = grown as f64 * 86_400.0 / f64::from(seconds);
-    println!("first {warm} bytes, then {grown} in {seconds} s of a run: {per_day:.0} bytes per day");
+    println!(
+        "first {warm} bytes, then {grown} in {seconds} s of a run: {per_day:.0} bytes per day"
+    );
     // A new level of the history may begin, a quarter of a megabyte at the most.
     assert!(grown < 1 << 20, "{grown} bytes");
 }

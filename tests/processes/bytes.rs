@@ -26,7 +26,10 @@ fn bytes_within(terminals: &[&Terminal], time: Duration) -> Vec<usize> {
     let before: Vec<usize> = terminals.iter().map(count).collect();
     std::thread::sleep(time); // what is measured is a rate
     let after = terminals.iter().map(count);
-    after.zip(before).map(|(after, before)| after - before).collect()
+    after
+        .zip(before)
+        .map(|(after, before)| after - before)
+        .collect()
 }
 
 /// With the oxygen's picture on: the first paint and a second afterwards, in a common and in a large window; then frozen.
@@ -44,14 +47,23 @@ fn a_common_window_takes_two_kilobytes_per_second_and_a_large_one_eight() {
     bytes_within(&terminals, Duration::from_secs(1));
     let sent = bytes_within(&terminals, Duration::from_secs(SECONDS));
     let rates: Vec<u64> = sent.iter().map(|&sent| sent as u64 / SECONDS).collect();
-    assert!((50..=2_000).contains(&rates[0]), "{rates:?} bytes per second");
-    assert!((50..=8_000).contains(&rates[1]), "{rates:?} bytes per second");
+    assert!(
+        (50..=2_000).contains(&rates[0]),
+        "{rates:?} bytes per second"
+    );
+    assert!(
+        (50..=8_000).contains(&rates[1]),
+        "{rates:?} bytes per second"
+    );
     for terminal in terminals {
         terminal.press("f");
         terminal.wait_for("frozen");
         terminal.settle();
     }
-    assert_eq!(bytes_within(&terminals, Duration::from_millis(1_500)), [0, 0]);
+    assert_eq!(
+        bytes_within(&terminals, Duration::from_millis(1_500)),
+        [0, 0]
+    );
     println!("first paint {painted:?} B, then {rates:?} B/s, frozen 0");
 }
 

@@ -180,7 +180,7 @@ pub enum Command {
     },
     /// Write a scene's balls one by one: as TOML, the seed's text or a CSV state
     #[command(
-        after_help = "IN is a scene (TOML or the seed's text, by its content) or a CSV state (by its name).\n\
+        after_help = "IN is a scene (TOML or the seed's text, by its content) or a CSV state or a trajectory (by its name).\n\
                             Every number of OUT reads back bit for bit."
     )]
     Convert {
@@ -398,6 +398,13 @@ pub struct RunOptions {
     /// Write every observable over the whole run as CSV: finer for the recent past, with mean, lowest and highest value
     #[arg(long, value_name = "FILE", env = "MOLTOP_HISTORY")]
     pub history: Option<PathBuf>,
+    /// Write all balls now and then, for OVITO, ASE and the like: extended XYZ (.xyz, .extxyz) or a LAMMPS dump
+    /// (.lammpstrj, .dump), compressed if the name ends in .zst
+    #[arg(long, value_name = "FILE", env = "MOLTOP_TRAJECTORY")]
+    pub trajectory: Option<PathBuf>,
+    /// Simulated time between two frames of the trajectory, in the scene's units [default: that between two rows of the series]
+    #[arg(long, value_name = "T", env = "MOLTOP_TRAJECTORY_EVERY", allow_negative_numbers = true, value_parser = positive)]
+    pub trajectory_every: Option<f64>,
     /// Directory of the run, new or empty [default: one named after the scene, in ~/.local/state/moltop]
     #[arg(long, value_name = "DIR", env = "MOLTOP_RUN_DIR")]
     pub run_dir: Option<PathBuf>,

@@ -31,6 +31,7 @@ use crate::feed::{Command, Feed};
 use crate::scene::Scene;
 use crate::snapshot::{Phase, SeriesRow, Snapshot};
 use crate::state::Placement;
+use crate::trajectory_file::Recorder;
 
 /// Name of the engine's thread; a panic there becomes an error on the screen instead of words on a terminal.
 const THREAD_NAME: &str = "engine";
@@ -47,6 +48,8 @@ pub struct Options {
     pub reversals: Vec<f64>,
     /// Where the rows of the series go.
     pub series: Option<mpsc::Sender<SeriesRow>>,
+    /// Where the frames of the trajectory go.
+    pub trajectory: Option<Recorder>,
     /// Directory of the run, if it has one: there its checkpoints go.
     pub directory: Option<PathBuf>,
     /// Wall time between two checkpoints.

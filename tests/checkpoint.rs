@@ -261,6 +261,7 @@ fn worker(directory: &Path, until: Option<f64>) -> Worker {
         directory: Some(directory.to_owned()),
         checkpoint_every: Duration::from_millis(20),
         on_trouble: None,
+        trajectory: None,
         program_start: Instant::now(),
     };
     Worker::start(&scene, placement, options)
@@ -313,6 +314,7 @@ fn the_past_is_made_again_bit_for_bit_across_a_reversal_and_the_run_goes_on() {
             directory: Some(alone.path().to_owned()),
             checkpoint_every: Duration::MAX,
             on_trouble: None,
+            trajectory: None,
             program_start: Instant::now(),
         };
         let placement = scene.place().expect("it fits");

@@ -22,6 +22,7 @@ fn run(name: &str, until: f64) -> (Arc<Snapshot>, Outcome) {
         on_trouble: None,
         until_error: None,
         reversals: Vec::new(),
+        trajectory: None,
         program_start: Instant::now(),
     };
     let outcome = Worker::start(&scene, placement, options).join();

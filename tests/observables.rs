@@ -20,6 +20,7 @@ fn run(text: &str, engine: Choice) -> Arc<Snapshot> {
         on_trouble: None,
         until_error: None,
         reversals: Vec::new(),
+        trajectory: None,
         program_start: Instant::now(),
     };
     let outcome = Worker::start(&scene, scene.place().expect("a good scene"), options).join();

@@ -48,6 +48,7 @@ fn check(scene: &Scene, until: f64, tolerance: [f64; 3]) {
         on_trouble: None,
         until_error: None,
         reversals: Vec::new(),
+        trajectory: None,
         program_start: Instant::now(),
     };
     let last = Worker::start(scene, placement, options).join().snapshot;

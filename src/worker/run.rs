@@ -23,6 +23,7 @@ use crate::observe::Observer;
 use crate::observe::on_demand::OnDemand;
 use crate::snapshot::{NamedBall, Observed, Phase, Snapshot, Warning};
 use crate::state::{Placement, State};
+use crate::trajectory_file::{Frame, Recorder};
 
 /// Wall time between two snapshots.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(100);
@@ -114,6 +115,8 @@ struct Run<'a> {
     last_point: (Totals, f64),
     last_row: Totals,
     rows: u64,
+    /// Number of the next frame of the trajectory.
+    next_frame: u64,
     phase: Phase,
     /// Lengths of the queue since the last snapshot, and since the last stretch of the history.
     queue: [Mean; 2],
@@ -223,6 +226,7 @@ pub fn run(
     };
     run.setup_time_s = setting.options.program_start.elapsed().as_secs_f64();
     run.publish(None);
+    run.record_frame_if_due(run.time());
     run.go();
     run.write_history();
     run.save_at_the_end(); // before the engine is settled, which moves where flights are counted from
@@ -270,6 +274,7 @@ impl<'a> Run<'a> {
             last_point: (Totals::default(), 0.0),
             last_row: Totals::default(),
             rows: 0,
+            next_frame: (setting.options.trajectory.as_ref()).map_or(0, Recorder::first),
             phase: Phase::Running,
             queue: [Mean::default(); 2],
             reversals: Vec::new(),
@@ -408,6 +413,7 @@ impl<'a> Run<'a> {
         }
         let stops = [
             Some(next_row),
+            self.frame_due(),
             self.step_until,
             self.echo.back_at(),
             self.setting.options.reversals.get(self.turned).copied(),
@@ -434,6 +440,7 @@ impl<'a> Run<'a> {
             self.engine.settle();
             self.echo.arrive(self.engine.state());
         }
+        self.record_frame_if_due(target);
         let at_row = target >= next_row;
         if at_row || began >= self.survey_due {
             self.look_at_every_ball();
@@ -480,6 +487,27 @@ impl<'a> Run<'a> {
             }
         }
         Ok(ControlFlow::Continue(()))
+    }
+
+    /// Simulated time of the next frame of the trajectory.
+    fn frame_due(&self) -> Option<f64> {
+        let trajectory = self.setting.options.trajectory.as_ref()?;
+        Some(trajectory.time_of(self.next_frame))
+    }
+
+    fn record_frame_if_due(&mut self, time: f64) {
+        let Some(trajectory) = &self.setting.options.trajectory else {
+            return;
+        };
+        if time >= trajectory.time_of(self.next_frame) {
+            self.engine.settle();
+            trajectory.add(Frame {
+                number: self.next_frame,
+                time: trajectory.time_of(self.next_frame),
+                balls: self.engine.state().placement(),
+            });
+            self.next_frame += 1;
+        }
     }
 
     fn reverse(&mut self) {

@@ -125,6 +125,8 @@ impl Run<'_> {
             last_point: self.last_point,
             last_row: self.last_row,
             rows: self.rows,
+            trajectory: (self.setting.options.trajectory.as_ref())
+                .and_then(|trajectory| trajectory.mark(self.next_frame)),
             reversals: self.reversals.clone(),
             marks: self.marks.clone(),
         }

@@ -97,6 +97,7 @@ impl Run<'_> {
             warnings: self.warnings.0.clone(),
             marks: self.marks.clone(),
             notice: (self.writer.as_ref().and_then(Writer::trouble))
+                .or_else(|| self.setting.options.trajectory.as_ref()?.trouble())
                 .or_else(|| self.notice.clone()),
             peak_rss_bytes: measure::peak_memory(),
             state_hash,

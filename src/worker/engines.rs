@@ -6,12 +6,12 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::calendar::{Bounded, Indexed, Lazy};
-use crate::engine::event_driven::EventDriven;
+use crate::engine::event_driven;
 use crate::engine::reversible::Reversible;
 use crate::engine::statistical::{self, Plan, Resolution, Statistical};
 use crate::engine::time_stepping::TimeStepping;
 use crate::engine::windowed::Windowed;
-use crate::engine::{Engine, Saved};
+use crate::engine::{Engine, Saved, Tally};
 use crate::quantity::plain;
 use crate::scene::analysis::packing_fraction;
 use crate::state::{Placement, State, UnitScale};
@@ -75,7 +75,7 @@ pub struct Wishes {
 /// An engine that can run the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Choice {
-    /// [`EventDriven`], with this calendar.
+    /// [`event_driven::EventDriven`], with this calendar.
     Event(CalendarName),
     /// [`Windowed`], on so many threads.
     Windowed(usize),
@@ -186,13 +186,7 @@ impl Choice {
     /// If the reversible engine refuses balls that it accepted when the choice was made.
     pub fn engine(&self, state: State) -> Box<dyn Engine> {
         match self {
-            Self::Event(CalendarName::Indexed) => {
-                Box::new(EventDriven::<Indexed>::with_calendar(state))
-            }
-            Self::Event(CalendarName::Lazy) => Box::new(EventDriven::<Lazy>::with_calendar(state)),
-            Self::Event(CalendarName::Bounded) => {
-                Box::new(EventDriven::<Bounded>::with_calendar(state))
-            }
+            Self::Event(calendar) => event(*calendar, state, None),
             Self::Windowed(threads) => Box::new(Windowed::new(state, *threads)),
             Self::Reversible => Box::new(
                 Reversible::new(state).expect("the choice was made for balls that it can run"),
@@ -209,15 +203,7 @@ impl Choice {
     /// The engine itself, to go on from what one of its kind has saved; `None` if it was another kind.
     pub fn resume(&self, state: State, saved: Saved) -> Option<Box<dyn Engine>> {
         Some(match (self, saved) {
-            (Self::Event(CalendarName::Indexed), Saved::Exact(tally)) => {
-                Box::new(EventDriven::<Indexed>::resume(state, tally))
-            }
-            (Self::Event(CalendarName::Lazy), Saved::Exact(tally)) => {
-                Box::new(EventDriven::<Lazy>::resume(state, tally))
-            }
-            (Self::Event(CalendarName::Bounded), Saved::Exact(tally)) => {
-                Box::new(EventDriven::<Bounded>::resume(state, tally))
-            }
+            (Self::Event(calendar), Saved::Exact(tally)) => event(*calendar, state, Some(tally)),
             (Self::Windowed(threads), Saved::Exact(tally)) => {
                 Box::new(Windowed::resume(state, *threads, tally))
             }
@@ -252,6 +238,14 @@ impl Choice {
                 plain((8.0 * way).min(1.0)),
             )
         })
+    }
+}
+
+fn event(calendar: CalendarName, state: State, tally: Option<Tally>) -> Box<dyn Engine> {
+    match calendar {
+        CalendarName::Indexed => event_driven::fitting::<Indexed>(state, tally),
+        CalendarName::Lazy => event_driven::fitting::<Lazy>(state, tally),
+        CalendarName::Bounded => event_driven::fitting::<Bounded>(state, tally),
     }
 }
 

@@ -163,6 +163,7 @@ impl Frame {
     }
 
     /// The same, with how many processes watch.
+    #[must_use]
     pub fn with_watchers(mut self, count: u32) -> Self {
         self.small.watchers = Some(count);
         self

@@ -91,7 +91,7 @@ fn key_events(key: &raw::KeyEvent) -> Vec<Event> {
     let escape = Event::Key(KeyEvent::new(KeyCode::Esc, KeyModifiers::NONE));
     let bare = raw::KeyEvent {
         modifiers: key.modifiers.difference(alt),
-        ..key.clone()
+        ..*key
     };
     key_event(&bare).map_or(Vec::new(), |key| vec![escape, key])
 }

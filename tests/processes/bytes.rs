@@ -42,7 +42,7 @@ fn a_common_window_takes_two_kilobytes_per_second_and_a_large_one_eight() {
     let large = Terminal::start(&mut runs.moltop(&["attach"]), 200, 50);
     large.wait_for("running");
     let terminals = [&small, &large];
-    let painted = terminals.map(|terminal| terminal.first_paint());
+    let painted = terminals.map(Terminal::first_paint);
     assert!(painted[0] <= 6_000 && painted[1] <= 20_000, "{painted:?}");
     bytes_within(&terminals, Duration::from_secs(1));
     let sent = bytes_within(&terminals, Duration::from_secs(SECONDS));

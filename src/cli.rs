@@ -7,7 +7,7 @@ use clap::builder::FalseyValueParser;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 
-use crate::experiment::{extremes, gas, page};
+use crate::experiment::{extremes, gas, page, trade};
 use crate::generate::{Draw, Format, GASES};
 use crate::scene::observe::Name;
 use crate::tui;
@@ -270,6 +270,11 @@ pub enum Experiment {
         after_help = "Takes some minutes on two cores, --quick ten seconds, --full hours. Example:\n  moltop experiment gas --quick --out results"
     )]
     Gas(gas::Options),
+    /// Speed against accuracy on a scene of yours: what each engine and step costs, what it gets wrong, and which to take
+    #[command(
+        after_help = "Takes some eight minutes, --quick a minute. Example:\n  moltop experiment trade configs/seed-512.toml --quick --out results"
+    )]
+    Trade(trade::Options),
 }
 
 /// What `generate` makes.

@@ -47,6 +47,11 @@ fn main() -> ExitCode {
         Some(Command::Resume { run }) => runs::command(&run, feed::Command::Resume),
         Some(Command::Reverse { run }) => runs::command(&run, feed::Command::Reverse),
         Some(Command::Stop { run, .. }) => stop(run.as_deref()),
+        Some(Command::Clean {
+            runs,
+            older_than,
+            yes,
+        }) => runs::clean(&runs, older_than, yes),
         Some(Command::Watch { run, jsonl, every }) => runs::watch(run.as_deref(), jsonl, every),
         Some(Command::Report { run, out }) => report(&run, out.as_deref()),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),

@@ -1,6 +1,6 @@
 //! `moltop convert`: the same balls as TOML, as the seed's text or as a CSV state, bit for bit.
 //!
-//! What goes in is recognised by its content, what comes out by its name. A CSV state holds balls only: the rest comes from
+//! What goes in is recognised by its content, what comes out by its name. A CSV state or a trajectory holds balls only: the rest comes from
 //! a scene that is named beside it, or is open space in reduced units.
 
 use std::ffi::OsStr;
@@ -9,6 +9,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::output::{Target, write_state};
 use crate::scene::Scene;
+use crate::trajectory_file;
 
 /// What a file can be written as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,11 +64,12 @@ pub fn convert(input: &Path, output: &Path, domain_of: Option<&Path>, force: boo
 }
 
 fn read(input: &Path, domain_of: Option<&Path>) -> Result<Scene> {
-    let is_state = input.extension() == Some(OsStr::new("csv"));
+    let is_state = input.extension() == Some(OsStr::new("csv"))
+        || trajectory_file::Format::of(input).is_some();
     match domain_of {
         _ if is_state => Scene::from_state(input, domain_of.map(Scene::load).transpose()?),
         Some(_) => Err(Error::Usage(
-            "--domain-of goes with a CSV state: other files have a domain of their own".to_owned(),
+            "--domain-of goes with a CSV state or a trajectory: other files have a domain of their own".to_owned(),
         )),
         None => Scene::load(input),
     }

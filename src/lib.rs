@@ -56,6 +56,7 @@ pub mod scene;
 pub mod signals;
 pub mod snapshot;
 pub mod summary;
+pub mod trajectory_file;
 pub mod worker;
 
 // Screen.

@@ -15,14 +15,16 @@ use crate::feed::message::Ending;
 use crate::feed::server::Server;
 use crate::feed::{Command, Feed};
 use crate::output::{SeriesWriter, Target, write_history, write_observed, write_state};
+use crate::quantity::plain;
 use crate::report;
 use crate::run_directory::{self, RunDirectory};
 use crate::run_process::logout;
 use crate::scene::{Scene, is_seed_text, observe};
 use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
+use crate::trajectory_file::{ENDINGS, Format, Recorder, Witness};
 use crate::worker::engines::{Accuracy, Choice, EngineName, Offer, Wishes};
-use crate::worker::{LocalFeed, Options, Worker};
+use crate::worker::{LocalFeed, OnTrouble, Options, Worker};
 use resumed::Resumed;
 
 /// A run that could start: the scene is good and its balls are placed, or its checkpoint is; its outputs can be written.
@@ -31,7 +33,10 @@ pub struct Prepared {
     outputs: Outputs,
     run_dir: Option<PathBuf>,
     checkpoint_every: Duration,
+    trajectory_every: Option<f64>,
+    force: bool,
     until_error: Option<f64>,
+    on_trouble: OnTrouble,
 }
 
 /// What a run comes from.
@@ -53,6 +58,7 @@ struct Outputs {
     series: Option<Target>,
     state: Option<Target>,
     history: Option<Target>,
+    trajectory: Option<PathBuf>,
 }
 
 /// A run that is going on.
@@ -64,6 +70,7 @@ pub struct Run {
     series: Option<SeriesWriter>,
     state: Option<Target>,
     history: Option<Target>,
+    trajectory: Option<Witness>,
 }
 
 /// The scene of the command line: a file, or the embedded one.
@@ -80,9 +87,9 @@ impl Prepared {
     /// # Errors
     /// [`Error::Scene`] for the scene, [`Error::Usage`] for the checkpoint, the outputs and the engine.
     pub fn new(options: &RunOptions) -> Result<Self> {
-        let outputs = Outputs::new(options)?;
         let checkpoint = (options.scene.as_deref())
             .filter(|path| path.is_dir() || checkpoint::is_checkpoint(path));
+        let outputs = Outputs::new(options, checkpoint.is_some())?;
         let origin = match checkpoint {
             Some(path) => Origin::Checkpoint(Box::new(Resumed::new(path, options)?)),
             None => Origin::Scene(Box::new(Placed::new(options)?)),
@@ -92,7 +99,10 @@ impl Prepared {
             outputs,
             run_dir: options.run_dir.clone(),
             checkpoint_every: options.checkpoint_every,
+            trajectory_every: options.trajectory_every,
+            force: options.force,
             until_error: options.until_error,
+            on_trouble: options.on_trouble,
         })
     }
 
@@ -135,11 +145,14 @@ impl Prepared {
     }
 
     fn start_in(self, directory: Option<RunDirectory>, program_start: Instant) -> Result<Run> {
+        let trajectory = self.trajectory()?;
+        let witness = trajectory.as_ref().map(Recorder::witness);
         let Outputs {
             summary,
             series,
             state,
             history,
+            trajectory: _,
         } = self.outputs;
         let (sender, series) = match series {
             Some(target) => {
@@ -154,8 +167,10 @@ impl Prepared {
             until_error: self.until_error,
             reversals: Vec::new(),
             series: sender,
+            trajectory,
             directory: directory.as_ref().map(|found| found.path().to_owned()),
             checkpoint_every: self.checkpoint_every,
+            on_trouble: Some(self.on_trouble),
             program_start,
         };
         let worker = match self.origin {
@@ -177,11 +192,47 @@ impl Prepared {
             series,
             state,
             history,
+            trajectory: witness,
         })
     }
 }
 
 impl Prepared {
+    /// The trajectory's file: a new one, or that of the checkpoint if the run goes on where it was.
+    fn trajectory(&self) -> Result<Option<Recorder>> {
+        let path = self.outputs.trajectory.as_deref();
+        let (sample, time, mark) = match &self.origin {
+            Origin::Scene(placed) => (placed.scene.sample, 0.0, None),
+            Origin::Checkpoint(resumed) => {
+                let saved = &resumed.saved;
+                let at_home = resumed.is_at_home(self.run_dir.as_ref());
+                let mark = saved.trajectory.as_ref().filter(|_| at_home);
+                (saved.origin.card.sample, saved.time, mark)
+            }
+        };
+        match (path, mark) {
+            (None, None) => Ok(None),
+            (_, Some(mark)) if path.is_none_or(|path| mark.is_in(path)) => {
+                if self
+                    .trajectory_every
+                    .is_some_and(|every| every != mark.every)
+                {
+                    let (file, every) = (mark.path.display(), plain(mark.every));
+                    return Err(Error::Usage(format!(
+                        "--trajectory-every: {file} has a frame every {every}, which it keeps"
+                    )));
+                }
+                Recorder::resume(mark).map(Some)
+            }
+            (Some(path), _) => {
+                Target::new(path, self.force)?;
+                let every = self.trajectory_every.unwrap_or(sample);
+                Recorder::create(path, every, time, self.force).map(Some)
+            }
+            (None, Some(_)) => unreachable!("a mark without another path is gone on with"),
+        }
+    }
+
     fn open_directory(&self) -> Result<RunDirectory> {
         let (title, source, own) = match &self.origin {
             Origin::Scene(placed) => (&placed.scene.title, &placed.scene.source, None),
@@ -267,12 +318,13 @@ impl Placed {
 }
 
 impl Outputs {
-    fn new(options: &RunOptions) -> Result<Self> {
+    fn new(options: &RunOptions, from_checkpoint: bool) -> Result<Self> {
         let paths = [
             &options.summary,
             &options.series,
             &options.state,
             &options.history,
+            &options.trajectory,
         ];
         for (index, path) in paths.iter().enumerate() {
             if path.is_some() && paths[..index].contains(path) {
@@ -286,8 +338,33 @@ impl Outputs {
                 .map(|path| Target::new(path, options.force))
                 .transpose()
         };
-        let [summary, series, state, history] = paths.map(target);
+        let trajectory = options.trajectory.clone();
+        if let Some(path) = trajectory
+            .as_ref()
+            .filter(|path| Format::of(path).is_none())
+        {
+            return Err(Error::Usage(format!(
+                "--trajectory {}: must end in {ENDINGS}",
+                path.display()
+            )));
+        }
+        if options.trajectory_every.is_some() && trajectory.is_none() && !from_checkpoint {
+            return Err(Error::Usage(
+                "--trajectory-every: goes with --trajectory FILE".to_owned(),
+            ));
+        }
+        if let Some(path) = trajectory.as_ref().filter(|_| !from_checkpoint) {
+            Target::new(path, options.force)?;
+        }
+        let [summary, series, state, history] = [
+            &options.summary,
+            &options.series,
+            &options.state,
+            &options.history,
+        ]
+        .map(target);
         Ok(Self {
+            trajectory,
             summary: summary?,
             series: series?,
             state: state?,
@@ -331,6 +408,7 @@ impl Run {
         }
         // The worker is gone, and with it the sender of rows.
         written.extend(self.series.map(SeriesWriter::finish));
+        written.extend(self.trajectory.map(|trajectory| trajectory.testify()));
         if let Some(target) = self.state {
             written.push(match &outcome.balls {
                 Some((balls, collisions)) => {

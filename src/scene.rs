@@ -6,6 +6,7 @@
 mod checks;
 mod contact_grid;
 mod format;
+mod frames;
 mod memory;
 pub mod observe;
 mod placement;
@@ -120,7 +121,7 @@ pub enum Sites {
     },
     /// One after the other at random where there is room (random sequential insertion).
     Random,
-    /// The rows of a CSV file.
+    /// The rows of a CSV file, or of a trajectory's last frame.
     Rows(Rows),
 }
 

@@ -13,6 +13,7 @@ mod pace;
 mod past;
 mod run;
 mod saved;
+mod watchdog;
 mod writer;
 
 use std::io::Write;
@@ -24,11 +25,13 @@ use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 pub use saved::{Origin, SavedRun};
+pub use watchdog::OnTrouble;
 
 use crate::feed::{Command, Feed};
 use crate::scene::Scene;
 use crate::snapshot::{Phase, SeriesRow, Snapshot};
 use crate::state::Placement;
+use crate::trajectory_file::Recorder;
 
 /// Name of the engine's thread; a panic there becomes an error on the screen instead of words on a terminal.
 const THREAD_NAME: &str = "engine";
@@ -45,10 +48,14 @@ pub struct Options {
     pub reversals: Vec<f64>,
     /// Where the rows of the series go.
     pub series: Option<mpsc::Sender<SeriesRow>>,
+    /// Where the frames of the trajectory go.
+    pub trajectory: Option<Recorder>,
     /// Directory of the run, if it has one: there its checkpoints go.
     pub directory: Option<PathBuf>,
     /// Wall time between two checkpoints.
     pub checkpoint_every: Duration,
+    /// What is done when the run's accuracy is in doubt; `None` does not look.
+    pub on_trouble: Option<OnTrouble>,
     /// When the program started, for `setup_time_s`.
     pub program_start: Instant,
 }
@@ -192,6 +199,7 @@ fn failed(last: &Snapshot, panic: &Box<dyn std::any::Any + Send>) -> Snapshot {
         "the engine failed (a bug in moltop): {}",
         words.unwrap_or("no message")
     );
+    tracing::error!("{reason}");
     Snapshot {
         phase: Phase::Failed(reason),
         sequence: last.sequence + 1,

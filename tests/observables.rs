@@ -7,23 +7,33 @@ use std::time::{Duration, Instant};
 use moltop::scene::Scene;
 use moltop::snapshot::{Figure, Observed, Phase, Snapshot};
 use moltop::worker::engines::Choice;
-use moltop::worker::{Options, Worker};
+use moltop::worker::{Options, SavedRun, Worker};
 
-fn run(text: &str, engine: Choice) -> Arc<Snapshot> {
-    let scene = Scene::parse(Path::new("scene.toml"), text).expect("a good scene");
-    let options = Options {
+fn options(engine: Choice, until: f64) -> Options {
+    Options {
         engine,
-        until: scene.until,
+        until: Some(until),
         series: None,
         directory: None,
         checkpoint_every: Duration::MAX,
+        on_trouble: None,
         until_error: None,
         reversals: Vec::new(),
+        trajectory: None,
         program_start: Instant::now(),
-    };
+    }
+}
+
+fn run_with(text: &str, options: Options) -> Arc<Snapshot> {
+    let scene = Scene::parse(Path::new("scene.toml"), text).expect("a good scene");
     let outcome = Worker::start(&scene, scene.place().expect("a good scene"), options).join();
     assert_eq!(outcome.snapshot.phase, Phase::Finished);
     outcome.snapshot
+}
+
+fn run(text: &str, engine: Choice) -> Arc<Snapshot> {
+    let scene = Scene::parse(Path::new("scene.toml"), text).expect("a good scene");
+    run_with(text, options(engine, scene.until.expect("an end")))
 }
 
 fn observable<'s>(snapshot: &'s Snapshot, name: &str) -> &'s Observed {
@@ -175,5 +185,87 @@ fn the_pressure_on_each_wall_is_that_of_the_gas() {
             (ratio - 1.0).abs() < 5.0 * error && error < 0.03,
             "{wall} {ratio} +- {error}"
         );
+    }
+}
+
+/// Stops before and after a reversal, goes on from the checkpoints, and compares every figure and every table.
+#[test]
+fn every_observable_goes_on_from_a_checkpoint_bit_for_bit() {
+    let all = "radial_distribution = true\ndensity_profile = true\nmotion = true\nrelaxation = true\nflights = true";
+    let scene = |kind: &str, more: &str| {
+        format!(
+            "units = \"reduced\"\n[domain]\nkind = \"{kind}\"\nsize = [60, 60, 60]\n\
+             [[species]]\nname = \"a\"\ncount = 2000\nradius = 0.5\nmass = 1\nvelocity = {{ kind = \"normal\", deviation = 1 }}\n\
+             [[ball]]\nname = \"grain\"\nposition = [2.3, 2.3, 2.3]\nradius = 0.9\nmass = 20\n\
+             [observe]\nevery = 0.7\n{all}\n{more}"
+        )
+    };
+    let (turn, until) = (31.0, 60.0);
+    for (text, observables) in [
+        (scene("container", ""), 5),
+        (scene("periodic", "transport = true"), 6),
+    ] {
+        for engine in [Choice::default(), Choice::Windowed(2), Choice::Reversible] {
+            let whole = Options {
+                reversals: vec![turn],
+                ..options(engine, until)
+            };
+            let whole = run_with(&text, whole);
+            assert!(whole.counts.pair_collisions > 1000);
+            assert_eq!(whole.observables.len(), observables);
+            let place = tempfile::tempdir().expect("a directory");
+            let part = |until: f64, reversals: &[f64]| Options {
+                directory: Some(place.path().to_owned()),
+                reversals: reversals.to_vec(),
+                ..options(engine, until)
+            };
+            run_with(&text, part(20.0, &[]));
+            let mut last = None;
+            for (end, turns) in [(45.0, &[turn][..]), (until, &[])] {
+                let (saved, ..) = SavedRun::load(place.path()).expect("a checkpoint");
+                last = Some(Worker::resume(saved, part(end, turns)).join().snapshot);
+            }
+            let last = last.expect("it went on");
+            assert_eq!(last.state_hash, whole.state_hash, "{engine:?}");
+            for (one, other) in last.observables.iter().zip(whole.observables.iter()) {
+                assert_eq!(one, other, "{engine:?}");
+            }
+        }
+    }
+}
+
+/// The scene of `configs/relaxation.toml`, turned back after six collisions per ball: H goes the whole way back.
+#[test]
+fn boltzmanns_h_returns_when_time_is_reversed() {
+    let text = std::fs::read_to_string("configs/relaxation.toml").expect("a scene");
+    let turned = Options {
+        reversals: vec![4.0],
+        ..options(Choice::Reversible, 8.0)
+    };
+    let last = run_with(&text, turned);
+    let relaxation = observable(&last, "relaxation");
+    let [collisions, h, maxwell] =
+        ["collisions_per_ball", "h", "h_of_maxwell"].map(|name| column(relaxation, name));
+    let middle = h.len() / 2;
+    assert!(collisions[middle] > 5.0, "{}", collisions[middle]);
+    assert!(h[0] > maxwell[0] + 1.0 && (h[middle] - maxwell[middle]).abs() < 0.01);
+    for (there, back) in h.iter().zip(h.iter().rev()) {
+        assert!((there - back).abs() < 1e-9, "{there} {back}");
+    }
+}
+
+/// In the first collision of most balls: the flights that have ended are the short ones, and yet the mean is right.
+#[test]
+fn the_mean_free_path_is_not_that_of_the_short_flights_that_have_ended() {
+    let text = "units = \"reduced\"\n[domain]\nkind = \"periodic\"\nsize = [250, 250, 250]\n\
+         [[species]]\ncount = 20000\nradius = 0.5\nmass = 1\nplacement = { kind = \"random\" }\n\
+         velocity = { kind = \"normal\", deviation = 1 }\n[observe]\nevery = 1\nflights = true\n[run]\nuntil = 100\n";
+    let last = run(text, Choice::Windowed(2));
+    let ends = 2.0 * last.counts.pair_collisions as f64;
+    assert!(ends < 1.2 * 20_000.0, "{ends}");
+    for name in ["mean_free_path", "mean_free_time"] {
+        let figure = figure(&last, "flights", name);
+        let (ratio, _) = ratio(figure);
+        assert!((ratio - 1.0).abs() < 4.0 / ends.sqrt(), "{name} {ratio}");
     }
 }

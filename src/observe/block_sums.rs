@@ -116,11 +116,31 @@ impl BlockSums {
 
     /// A quantity made of sums, over the settled part of the run; its error from how it differs between blocks.
     pub fn estimate(&self, quantity: impl Fn(&[f64]) -> Option<f64>) -> Estimate {
-        let values: Vec<f64> = self
-            .settled()
-            .filter(|(_, complete)| *complete)
-            .filter_map(|(sums, _)| quantity(sums))
-            .collect();
+        self.summed().estimate(quantity)
+    }
+
+    /// The sums for several quantities.
+    pub fn summed(&self) -> Summed<'_> {
+        let complete = self.settled().filter(|(_, complete)| *complete);
+        Summed {
+            total: self.total(),
+            blocks: complete.map(|(sums, _)| sums).collect(),
+        }
+    }
+}
+
+/// The settled part of a run, summed up once for several quantities.
+pub struct Summed<'s> {
+    total: Vec<f64>,
+    /// The complete blocks.
+    blocks: Vec<&'s [f64]>,
+}
+
+impl Summed<'_> {
+    /// As [`BlockSums::estimate`].
+    pub fn estimate(&self, quantity: impl Fn(&[f64]) -> Option<f64>) -> Estimate {
+        let blocks = self.blocks.iter();
+        let values: Vec<f64> = blocks.filter_map(|sums| quantity(sums)).collect();
         let count = values.len() as f64;
         let mean = values.iter().sum::<f64>() / count;
         let squares: f64 = values
@@ -128,7 +148,7 @@ impl BlockSums {
             .map(|value| (value - mean) * (value - mean))
             .sum();
         Estimate {
-            value: quantity(&self.total()).filter(|value| value.is_finite()),
+            value: quantity(&self.total).filter(|value| value.is_finite()),
             error: (values.len() >= FEWEST_BLOCKS)
                 .then(|| (squares / (count * (count - 1.0))).sqrt())
                 .filter(|error| error.is_finite()),

@@ -131,6 +131,14 @@ impl Correlator {
         self.sums.estimate(|sums| self.mean_of(sums, group, index))
     }
 
+    /// The means over a group at several lags, by where these stand.
+    pub fn means(&self, group: usize, indices: impl Iterator<Item = usize>) -> Vec<Estimate> {
+        let summed = self.sums.summed();
+        indices
+            .map(|index| summed.estimate(|sums| self.mean_of(sums, group, index)))
+            .collect()
+    }
+
     /// Slope of a group's mean between two lags, per record.
     pub fn slope(&self, group: usize, [from, to]: [usize; 2]) -> Estimate {
         self.sums.estimate(|sums| {

@@ -41,11 +41,15 @@ impl DensityProfile {
         self.sums.close_record();
     }
 
-    /// Balls in a slice across an axis.
-    pub fn slice(&self, axis: usize, slice: usize) -> Estimate {
-        self.sums.estimate(|sums| {
-            let looks = sums[3 * SLICES];
-            (looks > 0.0).then(|| sums[axis * SLICES + slice] / looks)
-        })
+    /// Balls in each slice across an axis.
+    pub fn slices(&self, axis: usize) -> Vec<Estimate> {
+        let summed = self.sums.summed();
+        let slice = |slice: usize| {
+            summed.estimate(|sums| {
+                let looks = sums[3 * SLICES];
+                (looks > 0.0).then(|| sums[axis * SLICES + slice] / looks)
+            })
+        };
+        (0..SLICES).map(slice).collect()
     }
 }

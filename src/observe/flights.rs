@@ -1,6 +1,9 @@
 //! Flights between two collisions of a ball with others: their lengths and times; and the push on each wall by itself.
 //!
 //! A wall turns a flight but does not end it.
+//!
+//! The means are what all balls have flown over how many flights ended: in a run of a few flights per ball, the mean of those
+//! that ended would be too short, as long ones are still going on. The histograms hold whole flights.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,8 +21,14 @@ const BINS_PER_MEAN: f64 = 20.0;
 /// Flights of all balls, and the walls they hit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Flights {
-    /// Where each ball's flight began; `None` before its first collision with another.
-    began: Vec<Option<Time>>,
+    /// Where each ball's flight began, or the count of it.
+    began: Vec<Time>,
+    /// Where the count began or was interrupted: what began then is no whole flight.
+    opened: Time,
+    /// Balls that can fly.
+    moving: f64,
+    /// What the flights that are going on had been flown at the last look.
+    under_way: f64,
     length_bin: f64,
     time_bin: f64,
     lengths: Vec<u64>,
@@ -27,7 +36,7 @@ pub struct Flights {
     last_look: Time,
     /// Push on each wall since the last look, which joins the sums together with its time.
     pushes: [f64; 6],
-    /// Flights, their lengths, their times, the time since the look before, the push on each of six walls.
+    /// Ends of flights, what was flown, the time since the look before, the push on each of six walls.
     sums: BlockSums,
 }
 
@@ -35,14 +44,19 @@ impl Flights {
     /// No flight yet. The histograms reach eight times as far as the expected mean path \[length\] and mean time \[epochs\].
     pub fn new(state: &State, mean_path: f64, mean_time: f64) -> Self {
         Self {
-            began: vec![None; state.ball_count()],
+            began: vec![state.now; state.ball_count()],
+            opened: state.now,
+            moving: (0..state.ball_count())
+                .filter(|&ball| state.bodies.of(ball).mass.is_finite())
+                .count() as f64,
+            under_way: 0.0,
             length_bin: mean_path / BINS_PER_MEAN,
             time_bin: mean_time / BINS_PER_MEAN,
             lengths: vec![0; BIN_COUNT],
             times: vec![0; BIN_COUNT],
             last_look: state.now,
             pushes: [0.0; 6],
-            sums: BlockSums::new(10),
+            sums: BlockSums::new(9),
         }
     }
 
@@ -52,10 +66,11 @@ impl Flights {
         match collision.participants {
             Participants::Pair(first, second) => {
                 for ball in [first, second] {
-                    let began = self.began[ball as usize].replace(collision.time);
-                    if let Some(began) = began.filter(|_| velocities.mass(ball).is_finite()) {
+                    let began = std::mem::replace(&mut self.began[ball as usize], collision.time);
+                    if velocities.mass(ball).is_finite() {
                         let time = collision.time.since(began);
-                        self.end(time * velocities.of_ball(ball).length(), time);
+                        let whole = began != self.opened;
+                        self.end(time * velocities.of_ball(ball).length(), time, whole);
                     }
                 }
             }
@@ -68,30 +83,47 @@ impl Flights {
     }
 
     #[inline]
-    fn end(&mut self, length: f64, time: f64) {
-        let bin = |value: f64, width: f64| ((value / width) as usize).min(BIN_COUNT - 1);
-        self.lengths[bin(length, self.length_bin)] += 1;
-        self.times[bin(time, self.time_bin)] += 1;
+    fn end(&mut self, length: f64, time: f64, whole: bool) {
+        if whole {
+            let bin = |value: f64, width: f64| ((value / width) as usize).min(BIN_COUNT - 1);
+            self.lengths[bin(length, self.length_bin)] += 1;
+            self.times[bin(time, self.time_bin)] += 1;
+        }
         let sums = self.sums.open();
         sums[0] += 1.0;
         sums[1] += length;
-        sums[2] += time;
     }
 
-    /// Closes a stretch of the averages.
-    pub fn look(&mut self, state: &State) {
+    /// Closes a stretch of the averages; the velocities are those of the present.
+    pub fn look(&mut self, state: &State, velocities: &Velocities) {
+        let under_way = self.under_way_at(state.now, velocities);
         let sums = self.sums.open();
-        sums[3] += state.now.since(self.last_look);
-        for (sum, push) in sums[4..].iter_mut().zip(std::mem::take(&mut self.pushes)) {
+        sums[1] += under_way - self.under_way;
+        sums[2] += state.now.since(self.last_look);
+        for (sum, push) in sums[3..].iter_mut().zip(std::mem::take(&mut self.pushes)) {
             *sum += push;
         }
+        self.under_way = under_way;
         self.last_look = state.now;
         self.sums.close_record();
     }
 
+    /// What the flights that are going on have flown so far.
+    fn under_way_at(&self, now: Time, velocities: &Velocities) -> f64 {
+        (self.began.iter())
+            .zip(velocities.all())
+            .filter(|(_, (_, mass))| mass.is_finite())
+            .map(|(began, (velocity, _))| now.since(*began) * velocity.length())
+            .sum()
+    }
+
     /// A reversal ends no flight, but what follows is no part of it.
-    pub fn interrupt(&mut self) {
-        self.began.fill(None);
+    pub fn interrupt(&mut self, state: &State, velocities: &Velocities) {
+        let under_way = self.under_way_at(state.now, velocities);
+        self.sums.open()[1] += under_way - self.under_way;
+        self.under_way = 0.0;
+        self.began.fill(state.now);
+        self.opened = state.now;
     }
 
     /// Mean path \[length\].
@@ -103,13 +135,13 @@ impl Flights {
     /// Mean time of a flight \[epochs\].
     pub fn mean_time(&self) -> Estimate {
         self.sums
-            .estimate(|sums| (sums[0] > 0.0).then(|| sums[2] / sums[0]))
+            .estimate(|sums| (sums[0] > 0.0).then(|| self.moving * sums[2] / sums[0]))
     }
 
     /// Force on one of the six walls, lower and upper of each axis in turn.
     pub fn wall_force(&self, wall: usize) -> Estimate {
         self.sums
-            .estimate(|sums| (sums[3] > 0.0).then(|| sums[4 + wall] / sums[3]))
+            .estimate(|sums| (sums[2] > 0.0).then(|| sums[3 + wall] / sums[2]))
     }
 
     /// Width of a bin of lengths \[length\], and flights per bin.

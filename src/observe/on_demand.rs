@@ -74,11 +74,11 @@ impl OnDemand {
         if let Some(relaxation) = &mut self.relaxation {
             relaxation.look(state);
         }
-        if let Some(flights) = &mut self.flights {
-            flights.look(state);
-        }
         if let Some(velocities) = &mut self.velocities {
             velocities.set_right(state);
+            if let Some(flights) = &mut self.flights {
+                flights.look(state, velocities);
+            }
             if let Some(transport) = &mut self.transport {
                 transport.look(state, velocities);
             }
@@ -89,15 +89,15 @@ impl OnDemand {
     pub fn reverse(&mut self, state: &State) {
         if let Some(velocities) = &mut self.velocities {
             velocities.reverse(state);
+            if let Some(flights) = &mut self.flights {
+                flights.interrupt(state, velocities);
+            }
             if let Some(transport) = &mut self.transport {
                 transport.reverse(state, velocities);
             }
         }
         if let Some(motion) = &mut self.motion {
             motion.reverse(state);
-        }
-        if let Some(flights) = &mut self.flights {
-            flights.interrupt();
         }
     }
 }

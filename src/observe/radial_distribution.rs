@@ -89,18 +89,17 @@ impl RadialDistribution {
         self.sums.close_record();
     }
 
-    /// Middle of a bin \[length\] and the function there.
-    pub fn bin(&self, bin: usize) -> (f64, Estimate) {
-        let (inner, shell) = self.shell(bin);
-        let value = self.sums.estimate(|sums| {
-            (sums[self.bins] > 0.0).then(|| sums[bin] / (sums[self.bins] * shell))
-        });
-        (inner + 0.5 * self.width, value)
-    }
-
-    /// Number of bins.
-    pub fn bin_count(&self) -> usize {
-        self.bins
+    /// Middle of each bin \[length\] and the function there.
+    pub fn bins(&self) -> Vec<(f64, Estimate)> {
+        let summed = self.sums.summed();
+        let value = |bin: usize| {
+            let (inner, shell) = self.shell(bin);
+            let value = summed.estimate(|sums| {
+                (sums[self.bins] > 0.0).then(|| sums[bin] / (sums[self.bins] * shell))
+            });
+            (inner + 0.5 * self.width, value)
+        };
+        (0..self.bins).map(value).collect()
     }
 
     /// Inner radius and volume of a bin's shell.

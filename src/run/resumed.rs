@@ -112,12 +112,17 @@ impl Resumed {
         })
     }
 
+    /// Whether the run goes on where its checkpoint lies.
+    pub fn is_at_home(&self, wish: Option<&PathBuf>) -> bool {
+        self.home.is_some() && wish.is_none()
+    }
+
     /// The directory that the run goes on in: its own, unless the user wants another.
     ///
     /// # Errors
     /// As [`RunDirectory::reopen`] has them, above all while the run is still going on.
     pub fn directory(&self, wish: Option<&PathBuf>) -> Result<Option<RunDirectory>> {
-        let own = self.home.clone().filter(|_| wish.is_none());
+        let own = self.home.clone().filter(|_| self.is_at_home(wish));
         own.map(RunDirectory::reopen).transpose()
     }
 }

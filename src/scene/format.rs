@@ -314,7 +314,7 @@ fn read_sites(mut table: Table, path: &Path, faults: &mut Faults) -> Option<Site
             } else {
                 table.missing(
                     "path",
-                    "the name of a CSV file with the columns x, y, z",
+                    "the name of a CSV file with the columns x, y, z, or of a trajectory",
                     faults,
                 );
                 None

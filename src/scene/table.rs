@@ -6,11 +6,12 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::memory;
 use super::reader::one_line;
+use super::{frames, memory};
+use crate::trajectory_file::Format;
 
 /// Most faults reported for one file.
-const MOST_FAULTS: usize = 20;
+pub(super) const MOST_FAULTS: usize = 20;
 
 /// The rows of a file of balls; columns that the file does not have are `None`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -46,8 +47,11 @@ pub(super) const MASS: Limit = (
 /// Columns that are known and not needed here.
 const IGNORED: [&str; 2] = ["index", "collisions"];
 
-/// Reads balls from a CSV file, or says in one line per fault why not.
+/// Reads balls from a file, a trajectory's last frame or CSV by its name, or says in one line per fault why not.
 pub(super) fn read(path: &Path) -> Result<Rows, Vec<String>> {
+    if let Some(format) = Format::of(path) {
+        return frames::read(path, format);
+    }
     let refuse = |words: String| vec![format!("{}: {}", path.display(), one_line(&words))];
     let file = File::open(path).map_err(|error| refuse(format!("cannot read: {error}")))?;
     let mut reader = csv::ReaderBuilder::new()

@@ -231,9 +231,7 @@ impl Plan {
         state: &State,
         known: Known,
     ) -> (Vec<Figure>, Vec<Column>) {
-        let bins: Vec<_> = (0..observer.bin_count())
-            .map(|bin| observer.bin(bin))
-            .collect();
+        let bins = observer.bins();
         let columns = vec![
             column(
                 "distance",
@@ -291,9 +289,8 @@ impl Plan {
             let (middle, half) = (center.0[axis], center.1[axis]);
             let place =
                 |slice: usize| middle + half * ((2 * slice + 1) as f64 / SLICES as f64 - 1.0);
-            let slices: Vec<Estimate> = (0..SLICES)
-                .map(|slice| observer.slice(axis, slice).times(1.0 / mean))
-                .collect();
+            let slices = observer.slices(axis).into_iter();
+            let slices: Vec<Estimate> = slices.map(|slice| slice.times(1.0 / mean)).collect();
             columns.push(column(name, (0..SLICES).map(|slice| Some(place(slice)))));
             columns.push(column(
                 &format!("density_{name}"),
@@ -392,10 +389,9 @@ impl Plan {
                     self.unit("m²/s"),
                 ));
             }
-            let squares: Vec<Estimate> = lags
-                .iter()
-                .map(|(lag, _)| motion.displacement.mean(index, *lag).times(area))
-                .collect();
+            let indices = || lags.iter().map(|(lag, _)| *lag);
+            let squares = motion.displacement.means(index, indices()).into_iter();
+            let squares: Vec<Estimate> = squares.map(|square| square.times(area)).collect();
             columns.push(column(
                 &format!("mean_square_displacement.{name}"),
                 squares.iter().map(|square| square.value),
@@ -410,9 +406,8 @@ impl Plan {
                 });
                 columns.push(column(&format!("expected.{name}"), expected));
             }
-            let products = lags
-                .iter()
-                .map(|(lag, _)| motion.velocity.mean(index, *lag).times(squared_speed).value);
+            let products = motion.velocity.means(index, indices()).into_iter();
+            let products = products.map(|product| product.times(squared_speed).value);
             columns.push(column(
                 &format!("velocity_autocorrelation.{name}"),
                 products,
@@ -472,12 +467,9 @@ impl Plan {
                 moments.slope(group, lags).times(scale / self.every)
             });
             figures.push(figure(name, slope, expected, self.unit(unit)));
-            let running: Vec<Estimate> = (lags.iter())
-                .map(|(index, lag)| {
-                    moments
-                        .mean(group, *index)
-                        .times(scale / (lag * self.every))
-                })
+            let means = moments.means(group, lags.iter().map(|(index, _)| *index));
+            let running: Vec<Estimate> = (means.into_iter().zip(&lags))
+                .map(|(mean, (_, lag))| mean.times(scale / (lag * self.every)))
                 .collect();
             columns.push(column(
                 &format!("{name}_until_then"),

@@ -144,7 +144,9 @@ fn follow(
         until_error: None,
         series: None,
         directory: None,
+        trajectory: None,
         checkpoint_every: Duration::MAX,
+        on_trouble: None,
         reversals: ahead.filter(|&turn| turn < time).collect(),
         program_start,
     };

@@ -22,6 +22,7 @@ use crate::scene::Scene;
 use crate::scene::analysis::Theory;
 use crate::snapshot::SceneCard;
 use crate::state::{Placement, State};
+use crate::trajectory_file::Mark;
 
 /// Overlap of balls with walls beyond which a checkpoint is not believed, in internal lengths; the engine of steps lets balls
 /// fly on for a step.
@@ -81,8 +82,12 @@ pub struct SavedRun {
     pub(super) last_point: (Totals, f64),
     pub(super) last_row: Totals,
     pub(super) rows: u64,
+    /// How far its trajectory has come, if there is one.
+    pub trajectory: Option<Mark>,
     /// Simulated times at which time was reversed.
     pub(super) reversals: Vec<f64>,
+    /// Simulated times that watchers have marked.
+    pub(super) marks: Vec<f64>,
 }
 
 impl Origin {

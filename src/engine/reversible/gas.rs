@@ -276,7 +276,8 @@ impl Gas {
             } else {
                 received[0] + received[1]
             },
-            virial: separation.dot(impulse_on(0)),
+            // From the lower one, whichever noticed the other: rounding must not tell who did.
+            virial: if lower == 0 { separation } else { -separation }.dot(impulse_on(lower)),
             radial_jump: positions[0].dot(received[0]) + positions[1].dot(received[1]),
             gap,
         }

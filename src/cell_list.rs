@@ -9,9 +9,11 @@
 //! Idea: the dilated cells of the windowed method (derived here for event queues); it needs no neighbourhood of 27 cells, which
 //! in a dilute gas, where cells are much wider than balls, leaves one or two lists to read where that scheme reads nine.
 
+use std::marker::PhantomData;
+
 use glam::{DVec3, IVec3};
 
-use crate::domain::{Boundary, Domain};
+use crate::domain::{AnyBoundary, Boundary, Domain, KnownBoundary};
 use crate::state::Trajectory;
 
 /// Margin around a ball, in cell widths: far above rounding, far below anything that costs.
@@ -74,10 +76,11 @@ pub struct Company<'a> {
     pub at_face: Option<Cell>,
 }
 
-/// Which balls reach into which cell.
+/// Which balls reach into which cell, in a domain whose boundary is known as `B`.
 #[derive(Clone, Debug)]
-pub struct CellList {
+pub struct CellList<B = AnyBoundary> {
     boundary: Boundary,
+    known: PhantomData<B>,
     cell_counts: Cell,
     half_size: DVec3,
     width: DVec3,
@@ -90,7 +93,7 @@ pub struct CellList {
     ranges: Vec<CellRange>,
 }
 
-impl CellList {
+impl<B: KnownBoundary> CellList<B> {
     /// An empty grid over a domain's box, with cells at least `width` wide and at most `4 * ball_count + 1` in number.
     pub fn new(domain: &Domain, width: f64, ball_count: usize) -> Self {
         let edges = 2.0 * domain.half_size;
@@ -110,6 +113,7 @@ impl CellList {
         let capacity = (3 * ball_count / cells).next_multiple_of(16).max(16);
         Self {
             boundary: domain.boundary,
+            known: PhantomData,
             cell_counts: counts.to_array().map(|count| count as i16),
             half_size: domain.half_size,
             width,
@@ -120,6 +124,11 @@ impl CellList {
             capacity,
             ranges: Vec::with_capacity(ball_count),
         }
+    }
+
+    #[inline(always)]
+    fn boundary(&self) -> Boundary {
+        B::of(self.boundary)
     }
 
     /// Smallest width of a cell \[length\].
@@ -138,7 +147,7 @@ impl CellList {
         let reach = DVec3::splat(radius + self.slack);
         let cell = |corner: DVec3| {
             let place = (corner + self.half_size) * self.per_width;
-            let periodic = self.boundary == Boundary::Periodic;
+            let periodic = self.boundary() == Boundary::Periodic;
             std::array::from_fn(|axis| {
                 if periodic {
                     place[axis].floor() as i16
@@ -179,7 +188,7 @@ impl CellList {
         let range = &self.ranges[ball];
         let speed = trajectory.velocity[axis];
         let reach = radius + self.slack;
-        let endless = self.boundary == Boundary::Periodic;
+        let endless = self.boundary() == Boundary::Periodic;
         let target = if speed > 0.0 {
             if !endless && range.high[axis] == self.cell_counts[axis] - 1 {
                 return None;
@@ -253,7 +262,7 @@ impl CellList {
     #[inline]
     fn company(&self, cell: Cell) -> Company<'_> {
         let inside = |axis: usize| 0 < cell[axis] && cell[axis] < self.cell_counts[axis] - 1;
-        let at_face = self.boundary == Boundary::Periodic && !(0..3).all(inside);
+        let at_face = self.boundary() == Boundary::Periodic && !(0..3).all(inside);
         let place = self.place(cell);
         Company {
             balls: &self.balls[place * self.capacity..][..self.lengths[place] as usize],

@@ -62,25 +62,31 @@ pub fn separation_at_later_begin(first: &Trajectory, second: &Trajectory) -> (Ti
     )
 }
 
+/// Whether two points at `separation`, moving apart with `velocity`, may come as near as `contact`: they approach and do not miss
+/// each other by far.
+///
+/// It asks without a branch: most pairs do not meet, and which do cannot be foreseen.
+#[inline(always)]
+pub fn may_meet(separation: DVec3, velocity: DVec3, contact: f64) -> bool {
+    let radial = separation.dot(velocity);
+    let distance_squared = separation.length_squared();
+    let speed_squared = velocity.length_squared();
+    let beyond = distance_squared - contact * contact;
+    let misses = radial * radial + REJECTION_MARGIN * distance_squared * speed_squared
+        < speed_squared * beyond;
+    (radial < 0.0) & !misses
+}
+
 /// Time until two points at `separation`, moving apart with `velocity`, are `contact` apart; `None` if never.
 ///
 /// Zero if they are closer than that and approach.
-#[inline(always)] // the rejections must stand in the caller's loop: most pairs end there
+#[inline(always)] // the rejection must stand in the caller's loop: most pairs end there
 pub fn approach_time(separation: DVec3, velocity: DVec3, contact: f64) -> Option<f64> {
-    let radial = separation.dot(velocity);
-    if !(radial < 0.0) {
-        return None; // receding, tangential or at rest
+    if may_meet(separation, velocity, contact) {
+        contact_time(separation, velocity, contact)
+    } else {
+        None
     }
-    let distance_squared = separation.length_squared();
-    let speed_squared = velocity.length_squared();
-    // Most pairs miss each other by far: no root is needed to see that.
-    let beyond = distance_squared - contact * contact;
-    if radial * radial + REJECTION_MARGIN * distance_squared * speed_squared
-        < speed_squared * beyond
-    {
-        return None;
-    }
-    contact_time(separation, velocity, contact)
 }
 
 /// The rest of [`approach_time`], for points that approach and do not miss by far.

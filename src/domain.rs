@@ -89,3 +89,42 @@ impl Domain {
         }
     }
 }
+
+/// The boundary as a loop knows it: looked up, or known when the loop is compiled, so that what it does not need is left out.
+pub trait KnownBoundary {
+    /// The boundary of a scene that has this one.
+    fn of(scene: Boundary) -> Boundary;
+}
+
+/// Looked up in the scene.
+#[derive(Clone, Copy, Debug)]
+pub struct AnyBoundary;
+
+/// [`Boundary::Container`].
+#[derive(Clone, Copy, Debug)]
+pub struct Walls;
+
+/// [`Boundary::Periodic`].
+#[derive(Clone, Copy, Debug)]
+pub struct Wrapped;
+
+impl KnownBoundary for AnyBoundary {
+    #[inline(always)]
+    fn of(scene: Boundary) -> Boundary {
+        scene
+    }
+}
+
+impl KnownBoundary for Walls {
+    #[inline(always)]
+    fn of(_scene: Boundary) -> Boundary {
+        Boundary::Container
+    }
+}
+
+impl KnownBoundary for Wrapped {
+    #[inline(always)]
+    fn of(_scene: Boundary) -> Boundary {
+        Boundary::Periodic
+    }
+}

@@ -29,6 +29,8 @@ pub enum Command {
     Watch(bool),
     /// Write a checkpoint now.
     Checkpoint,
+    /// Mark a simulated time in the charts, for all watchers.
+    Mark(f64),
     /// Make the state at a past simulated time again, beside the run, in [`Snapshot::past`]; `None` lets it go.
     Goto(Option<f64>),
     /// End the run; the last snapshot is the summary's.

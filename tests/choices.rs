@@ -1,17 +1,22 @@
 //! What a scene does not need is left out, and that changes no bit: each choice against the general path.
 
-use std::path::Path;
+mod common;
+#[path = "common/random_scene.rs"]
+mod random_scene;
 
+use common::seed_scene;
 use glam::DVec3;
+use moltop::calendar::Indexed;
 use moltop::domain::{Boundary, Plane};
 use moltop::engine::Engine;
-use moltop::engine::event_driven::EventDriven;
-use moltop::scene::{Scene, analysis};
+use moltop::engine::event_driven::{EventDriven, fitting};
+use moltop::event::Collision;
+use moltop::scene::analysis;
 use moltop::state::{Body, Placement, State};
+use random_scene::random_scene;
 
 fn seed_512() -> Placement {
-    let scene = Scene::load(Path::new("configs/seed-512.toml")).expect("a good scene");
-    scene.place().expect("a good scene")
+    seed_scene(8, 1)
 }
 
 /// State hash and collisions after two units of time.
@@ -23,6 +28,52 @@ fn run(placement: &Placement) -> (u64, u64) {
         .advance(units.instant(2.0), &mut |_| collisions += 1)
         .expect("balls with room");
     (engine.state().hash(), collisions)
+}
+
+/// A random scene without what the loops for plain scenes leave out: alike balls in a box, without planes.
+fn plain_scene(seed: u64) -> Placement {
+    let mut scene = random_scene(seed);
+    let smallest = scene
+        .bodies
+        .iter()
+        .map(|body| body.radius)
+        .fold(1.0, f64::min);
+    scene.bodies = vec![Body {
+        radius: smallest.max(0.02),
+        mass: 1.0,
+    }];
+    scene.body_of.clear();
+    scene.domain.planes.clear();
+    scene
+}
+
+#[test]
+fn every_loop_that_leaves_something_out_gives_the_collisions_of_the_general_one_on_300_random_scenes()
+ {
+    let mut boundaries = [0_usize; 3];
+    for seed in 0..300 {
+        let scene = if seed < 240 {
+            plain_scene(seed)
+        } else {
+            random_scene(seed)
+        };
+        let collisions = |mut engine: Box<dyn Engine>| {
+            let mut collisions: Vec<Collision> = Vec::new();
+            let until = engine.state().units.instant(20.0);
+            engine
+                .advance(until, &mut |collision| collisions.push(*collision))
+                .expect("balls with room");
+            (collisions, engine.state().hash(), engine.counters())
+        };
+        let (general, hash, counters) = collisions(Box::new(EventDriven::new(State::new(&scene))));
+        let fitting = collisions(fitting::<Indexed>(State::new(&scene), None));
+        assert!(fitting == (general, hash, counters), "scene {seed}");
+        boundaries[scene.domain.boundary as usize] += fitting.0.len();
+    }
+    assert!(
+        boundaries.iter().all(|&count| count > 500),
+        "{boundaries:?}"
+    );
 }
 
 #[test]

@@ -17,6 +17,7 @@ fn options(engine: Choice, until: f64) -> Options {
         series: None,
         directory: None,
         checkpoint_every: Duration::MAX,
+        on_trouble: None,
         until_error: None,
         reversals: Vec::new(),
         trajectory: None,

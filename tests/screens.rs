@@ -4,10 +4,10 @@ mod fake;
 
 use std::sync::Arc;
 
-use moltop::feed::Command;
+use moltop::feed::{Access, Command};
 use moltop::snapshot::{
     Boundary, Column, Echo, Figure, Observable, ObservableName, Observed, Phase, SceneCard,
-    Snapshot, Stretch,
+    Snapshot, Stretch, Warning,
 };
 use moltop::tui::Leave;
 use moltop::tui::app::{App, Overlay, Panel};
@@ -311,7 +311,7 @@ fn nothing_that_is_no_number_reaches_the_screen() {
 
 #[test]
 fn no_size_and_no_key_ends_in_a_panic() {
-    let keys: Vec<KeyCode> = " rs,.+-v[]<>0f?/ynqatTmwh12345678"
+    let keys: Vec<KeyCode> = " rs,.+-v[]<>0f?/ynqatTmwhcg12345678%"
         .chars()
         .map(KeyCode::Char)
         .chain([
@@ -423,6 +423,120 @@ fn the_charts_go_back_in_time_and_come_back() {
     press(&mut app, KeyCode::Char('['));
     press(&mut app, KeyCode::Char('['));
     assert!(screen(&app, 80, 24).contains("the whole run"));
+}
+
+/// The run after so many frames, with a past at 5 ns.
+fn with_past(frame: u64, phase: Phase) -> Snapshot {
+    let mut past = running(oxygen(), 0);
+    past.time = 5e-9;
+    past.until = Some(past.time);
+    past.phase = phase;
+    Snapshot {
+        past: Some(Arc::new(past)),
+        ..running(oxygen(), frame)
+    }
+}
+
+#[test]
+fn the_past_is_seen_beside_the_run_which_no_key_reaches_meanwhile() {
+    let mut app = watching(&Phase::Running, false);
+    press(&mut app, KeyCode::Char('g'));
+    golden("goto", &app, 80, 24);
+    golden("goto", &app, 40, 12);
+    for key in "5 m".chars() {
+        press(&mut app, KeyCode::Char(key));
+    }
+    press(&mut app, KeyCode::Enter);
+    assert!(screen(&app, 80, 24).contains("no unit of time here"));
+    press(&mut app, KeyCode::Backspace);
+    for key in "ns".chars() {
+        assert_eq!(press(&mut app, KeyCode::Char(key)).1, []);
+    }
+    let (_, commands) = press(&mut app, KeyCode::Enter);
+    assert_eq!(commands, [Command::Goto(Some(5.0 * 1e-9))]);
+    show(&mut app, with_past(20, Phase::Running));
+    assert!(screen(&app, 80, 24).contains("going back to 5.00 ns, run running"));
+    show(&mut app, with_past(21, Phase::Finished));
+    golden("past_run", &app, 80, 24);
+    assert_eq!(app.numbers.time, 5e-9);
+    for key in " rs,.cm".chars() {
+        assert_eq!(press(&mut app, KeyCode::Char(key)).1, [], "{key}");
+        assert!(screen(&app, 80, 24).contains("0 comes back to the run"));
+    }
+    assert_eq!(press(&mut app, KeyCode::Char('0')).1, [Command::Goto(None)]);
+    assert_eq!(app.numbers.time, app.latest.time);
+    assert!(screen(&app, 80, 24).contains("● running"));
+}
+
+#[test]
+fn a_past_that_cannot_be_made_again_is_no_past() {
+    let mut app = watching(&Phase::Running, false);
+    for key in "g0".chars() {
+        press(&mut app, KeyCode::Char(key));
+    }
+    press(&mut app, KeyCode::Enter);
+    show(
+        &mut app,
+        with_past(20, Phase::Failed("no checkpoint is that old".into())),
+    );
+    assert_eq!(app.visit, None);
+    assert!(screen(&app, 80, 24).contains("no way back: no checkpoint is that old"));
+}
+
+#[test]
+fn a_checkpoint_is_asked_for_and_said_to_be_on_the_disk() {
+    let mut app = watching(&Phase::Running, false);
+    assert_eq!(press(&mut app, KeyCode::Char('c')).1, [Command::Checkpoint]);
+    assert!(screen(&app, 80, 24).contains("writing a checkpoint"));
+    let mut saved = running(oxygen(), 20);
+    saved.checkpoints = 1;
+    saved.last_checkpoint = Some(1.3e-8);
+    show(&mut app, saved);
+    assert!(screen(&app, 80, 24).contains("checkpoint at 13.00 ns is on the disk"));
+}
+
+#[test]
+fn a_reader_is_told_that_the_run_does_not_hear_it() {
+    let mut app = watching(&Phase::Running, false);
+    app.access = Access::ReadOnly;
+    for key in " rs,.cg".chars() {
+        assert_eq!(press(&mut app, KeyCode::Char(key)).1, [], "{key}");
+        assert!(screen(&app, 80, 24).contains("read-only"));
+    }
+}
+
+#[test]
+fn marks_are_the_runs_and_the_readers_own() {
+    let mut app = watching(&Phase::Running, false);
+    let (_, commands) = press(&mut app, KeyCode::Char('m'));
+    assert_eq!(commands, [Command::Mark(app.latest.time)]);
+    let mut marked = running(oxygen(), 20);
+    marked.marks = vec![1e-9, app.latest.time];
+    let known = marked.marks.clone();
+    show(&mut app, marked);
+    assert_eq!(app.marks(), known);
+}
+
+#[test]
+fn warnings_are_told_at_once_and_listed() {
+    let mut app = watching(&Phase::Running, false);
+    let mut warned = running(oxygen(), 20);
+    let warning = |wall_time_s, words: &str| Warning {
+        wall_time_s,
+        words: words.into(),
+    };
+    warned.warnings = vec![
+        warning(
+            12.0,
+            "slow: 3.019e5 collisions per second, 68 % of what is usual in this run",
+        ),
+        warning(44.0, "checkpoint: cannot write: no space left on device"),
+    ];
+    show(&mut app, warned);
+    golden("warned", &app, 80, 24);
+    press(&mut app, KeyCode::Char('4'));
+    golden("warned_panel", &app, 80, 24);
+    golden("warned_panel", &app, 40, 12);
 }
 
 #[test]

@@ -12,16 +12,20 @@
 //! A ball whose centre leaves a periodic box changes its trajectory as at a wall: it goes on from the opposite face. A pair
 //! is then looked at with one of the two moved by whole boxes.
 
-use glam::DVec3;
+mod needs;
+mod search;
 
 use crate::calendar::{Calendar, Indexed};
-use crate::cell_list::{Cell, CellList, Company};
-use crate::collision::{image_pair_time, pair_time, plane_time, wall_time};
-use crate::domain::Boundary;
+use crate::cell_list::CellList;
+use crate::collision::{image_pair_time, plane_time, wall_time};
+use crate::domain::{Boundary, Walls, Wrapped};
 use crate::engine::contact::{self, InstantWatch};
 use crate::engine::{Counters, Engine, Saved, Stuck, Tally};
 use crate::event::{Collision, Event, EventKind, Wall};
-use crate::state::{State, Time, Trajectory};
+use crate::state::{Body, State, Time, Trajectory};
+pub use needs::General;
+use needs::Needs;
+use search::{Candidate, look};
 
 /// Epochs after which the calendar's base moves on. Times up to 16 epochs from the base are exact in the calendar.
 const REBASE_AFTER: f64 = 4.0;
@@ -38,52 +42,24 @@ pub fn cell_width(volume: f64, count: usize, mean_radius: f64) -> f64 {
     (SPACINGS_PER_CELL * spacing).max(DIAMETERS_PER_CELL * 2.0 * mean_radius)
 }
 
-/// The earliest pair collision that a ball knows of.
-#[derive(Clone, Copy, Debug)]
-struct Candidate {
-    time: Time,
-    partner: u32,
-    /// Boxes by which the ball is moved to meet its partner; zero but across a periodic face.
-    image: [i8; 3],
-}
-
-impl Candidate {
-    /// Later than any collision.
-    const NONE: Self = Self {
-        time: Time {
-            epoch: u64::MAX,
-            local: 0.0,
-        },
-        partner: u32::MAX,
-        image: [0; 3],
-    };
-
-    /// Takes the collision of `ball` with `other` instead, if it comes earlier.
-    #[inline]
-    fn improve(&mut self, ball: usize, other: u32, time: Time, image: [i8; 3]) {
-        if time < self.time
-            || (time == self.time && pair_precedes(ball as u32, other, self.partner))
-        {
-            *self = Self {
-                time,
-                partner: other,
-                image,
-            };
-        }
-    }
-
-    fn shift(&self, period: DVec3) -> DVec3 {
-        DVec3::from_array(self.image.map(f64::from)) * period
+/// The engine for a state, with what its scene does not need left out of the loop; goes on from a tally if there is one.
+///
+/// The collisions are those of [`EventDriven`] in general, bit for bit.
+pub fn fitting<C: Calendar + 'static>(state: State, tally: Option<Tally>) -> Box<dyn Engine> {
+    match needs::plain(&state) {
+        Some(Boundary::Container) => Box::new(EventDriven::<C, Walls>::resume(state, tally)),
+        Some(Boundary::Periodic) => Box::new(EventDriven::<C, Wrapped>::resume(state, tally)),
+        Some(Boundary::Open) | None => Box::new(EventDriven::<C, General>::resume(state, tally)),
     }
 }
 
-/// The event-driven engine, with one of the calendars.
+/// The event-driven engine, with one of the calendars, for scenes with certain needs.
 #[derive(Clone, Debug)]
-pub struct EventDriven<C: Calendar = Indexed> {
+pub struct EventDriven<C: Calendar = Indexed, N: Needs = General> {
     state: State,
     /// Whether any two balls can collide; if not, there is nothing to look for and no cell to cross.
     interacting: bool,
-    cells: CellList,
+    cells: CellList<N>,
     calendar: C,
     /// The epoch from which the calendar counts.
     base: u64,
@@ -104,7 +80,7 @@ impl EventDriven {
     }
 }
 
-impl<C: Calendar> EventDriven<C> {
+impl<C: Calendar, N: Needs> EventDriven<C, N> {
     /// Predicts the first events of every ball. The collisions do not depend on the calendar, their cost does.
     pub fn with_calendar(state: State) -> Self {
         let width = cell_width(
@@ -116,12 +92,13 @@ impl<C: Calendar> EventDriven<C> {
     }
 
     /// Goes on from what an event-driven or windowed engine has saved.
-    pub fn resume(state: State, tally: Tally) -> Self {
-        Self {
-            counters: tally.counters,
-            instants: tally.instants,
-            ..Self::with_calendar(state)
+    fn resume(state: State, tally: Option<Tally>) -> Self {
+        let mut engine = Self::with_calendar(state);
+        if let Some(tally) = tally {
+            engine.counters = tally.counters;
+            engine.instants = tally.instants;
         }
+        engine
     }
 
     fn with_calendar_and_cell_width(state: State, width: f64) -> Self {
@@ -146,16 +123,26 @@ impl<C: Calendar> EventDriven<C> {
         self.cells.cell_count()
     }
 
+    #[inline(always)]
+    fn body(&self, ball: usize) -> Body {
+        N::body(&self.state.bodies, ball)
+    }
+
+    #[inline(always)]
+    fn interacting(&self) -> bool {
+        N::interacting(self.interacting)
+    }
+
     /// Makes cells, candidates and calendar from the state alone.
     fn predict_everything(&mut self) {
         let count = self.state.ball_count();
         self.candidates.clear();
         self.candidates.resize(count, Candidate::NONE);
-        if self.interacting {
+        if self.interacting() {
             self.cells = CellList::new(&self.state.domain, self.cells.width(), count);
             for ball in 0..count {
                 let position = self.state.trajectories[ball].position_at(self.state.now);
-                self.cells.push(position, self.state.bodies.of(ball).radius);
+                self.cells.push(position, self.body(ball).radius);
                 // It looks among the balls before it; those after it will look for it.
                 self.candidates[ball] = self.look_in_all_cells(ball);
             }
@@ -185,7 +172,7 @@ impl<C: Calendar> EventDriven<C> {
     #[inline]
     fn next_event(&self, ball: usize) -> Option<Event> {
         let trajectory = &self.state.trajectories[ball];
-        let radius = self.state.bodies.of(ball).radius;
+        let radius = self.body(ball).radius;
         let domain = &self.state.domain;
         let begin = trajectory.begin.relative_to(self.base);
         let mut next = (f64::INFINITY, EventKind::Crossing { axis: 0 });
@@ -195,7 +182,7 @@ impl<C: Calendar> EventDriven<C> {
             }
         };
         for axis in 0..3 {
-            let crossing = if self.interacting {
+            let crossing = if self.interacting() {
                 self.cells.crossing(ball, trajectory, radius, axis)
             } else {
                 None
@@ -203,7 +190,7 @@ impl<C: Calendar> EventDriven<C> {
             if let Some(flight) = crossing {
                 offer(begin + flight, EventKind::Crossing { axis });
             }
-            let limit = match domain.boundary {
+            let limit = match N::of(domain.boundary) {
                 Boundary::Container if crossing.is_none() => domain.half_size[axis] - radius,
                 Boundary::Periodic => domain.half_size[axis],
                 Boundary::Container | Boundary::Open => continue,
@@ -219,7 +206,7 @@ impl<C: Calendar> EventDriven<C> {
                 );
             }
         }
-        for (index, plane) in domain.planes.iter().enumerate() {
+        for (index, plane) in N::planes(domain).iter().enumerate() {
             if let Some(time) = plane_time(trajectory, plane, self.is_above(ball, index), radius) {
                 offer(
                     time.relative_to(self.base),
@@ -262,7 +249,7 @@ impl<C: Calendar> EventDriven<C> {
         self.counters.cell_crossings += 1;
         let trajectory = self.state.trajectories[ball];
         let place = (trajectory.position_at(self.state.now), trajectory.velocity);
-        let radius = self.state.bodies.of(ball).radius;
+        let radius = self.body(ball).radius;
         let mut best = self.candidates[ball];
         let state = &self.state;
         self.cells
@@ -280,7 +267,7 @@ impl<C: Calendar> EventDriven<C> {
         let (after, passage) = contact::face(
             ball as u32,
             before,
-            self.state.bodies.of(ball),
+            self.body(ball),
             face,
             half_size,
             self.state.now,
@@ -297,7 +284,7 @@ impl<C: Calendar> EventDriven<C> {
         wall: Wall,
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
-        let body = self.state.bodies.of(ball);
+        let body = self.body(ball);
         let limit = self.state.domain.half_size[wall.axis] - body.radius;
         let contact = contact::wall(
             ball as u32,
@@ -322,7 +309,7 @@ impl<C: Calendar> EventDriven<C> {
             &self.state.domain.planes[index],
             self.is_above(ball, index),
         );
-        let body = self.state.bodies.of(ball);
+        let body = self.body(ball);
         let contact = contact::plane(
             ball as u32,
             self.state.trajectories[ball],
@@ -371,7 +358,7 @@ impl<C: Calendar> EventDriven<C> {
         let shift = planned.shift(self.state.domain.period());
         let shift = if ball == pair[0] { shift } else { -shift };
         let before = pair.map(|ball| self.state.trajectories[ball]);
-        let bodies = pair.map(|ball| self.state.bodies.of(ball));
+        let bodies = pair.map(|ball| self.body(ball));
         let distance = bodies[0].radius + bodies[1].radius;
         if image_pair_time(&before[0], &before[1], distance, shift) != Some(planned.time) {
             self.counters.stale_events += 1;
@@ -396,11 +383,11 @@ impl<C: Calendar> EventDriven<C> {
 
     /// After a change of course: finds the ball's cells and its next collision anew.
     fn look_around(&mut self, ball: usize) {
-        if self.interacting {
+        if self.interacting() {
             self.cells.relocate(
                 ball,
                 self.state.trajectories[ball].position,
-                self.state.bodies.of(ball).radius,
+                self.body(ball).radius,
             );
         }
         self.look_again(ball);
@@ -408,7 +395,7 @@ impl<C: Calendar> EventDriven<C> {
 
     /// Finds a ball's next collision anew.
     fn look_again(&mut self, ball: usize) {
-        if self.interacting {
+        if self.interacting() {
             self.candidates[ball] = self.look_in_all_cells(ball);
         }
         self.schedule(ball);
@@ -424,7 +411,7 @@ impl<C: Calendar> EventDriven<C> {
     }
 }
 
-impl<C: Calendar> Engine for EventDriven<C> {
+impl<C: Calendar, N: Needs> Engine for EventDriven<C, N> {
     fn name(&self) -> &'static str {
         "event"
     }
@@ -449,7 +436,9 @@ impl<C: Calendar> Engine for EventDriven<C> {
             let ball = event.ball as usize;
             match event.kind() {
                 EventKind::Crossing { axis } => self.cross(ball, axis),
-                EventKind::Wall(face) if self.state.domain.boundary == Boundary::Periodic => {
+                EventKind::Wall(face)
+                    if N::of(self.state.domain.boundary) == Boundary::Periodic =>
+                {
                     self.leave_box(ball, face, report);
                 }
                 EventKind::Wall(wall) => self.hit_wall(ball, wall, report)?,
@@ -488,75 +477,4 @@ impl<C: Calendar> Engine for EventDriven<C> {
     fn queue_length(&self) -> usize {
         self.calendar.len()
     }
-}
-
-/// Improves a ball's candidate by its collisions with the others of a cell.
-#[inline]
-fn look(state: &State, cells: &CellList, ball: usize, company: Company, best: &mut Candidate) {
-    if let Some(cell) = company.at_face {
-        look_at_images(state, cells, ball, company.balls, cell, best);
-    } else if let Some(body) = state.bodies.uniform() {
-        look_inside(state, ball, company.balls, |_| 2.0 * body.radius, best);
-    } else {
-        let radius = state.bodies.of(ball).radius;
-        look_inside(
-            state,
-            ball,
-            company.balls,
-            |other| radius + state.bodies.of(other).radius,
-            best,
-        );
-    }
-}
-
-/// Looks at the others of a cell that no face of a periodic box passes.
-#[inline]
-fn look_inside(
-    state: &State,
-    ball: usize,
-    others: &[u32],
-    contact: impl Fn(usize) -> f64,
-    best: &mut Candidate,
-) {
-    let trajectory = state.trajectories[ball];
-    for &other in others {
-        if other as usize != ball
-            && let Some(time) = pair_time(
-                &trajectory,
-                &state.trajectories[other as usize],
-                contact(other as usize),
-            )
-        {
-            best.improve(ball, other, time, [0; 3]);
-        }
-    }
-}
-
-/// Looks at the others of a cell at a face of a periodic box, each at every image that the ball may meet.
-#[inline(never)]
-fn look_at_images(
-    state: &State,
-    cells: &CellList,
-    ball: usize,
-    others: &[u32],
-    cell: Cell,
-    best: &mut Candidate,
-) {
-    let trajectory = state.trajectories[ball];
-    let radius = state.bodies.of(ball).radius;
-    for &other in others.iter().filter(|&&other| other as usize != ball) {
-        let contact = radius + state.bodies.of(other as usize).radius;
-        cells.for_each_image(cell, other, |image| {
-            let shift = image.as_dvec3() * state.domain.period();
-            let other_flight = &state.trajectories[other as usize];
-            if let Some(time) = image_pair_time(&trajectory, other_flight, contact, shift) {
-                best.improve(ball, other, time, image.to_array().map(|boxes| boxes as i8));
-            }
-        });
-    }
-}
-
-/// Whether the pair of `ball` and `other` comes before that of `ball` and `rival` at the same instant.
-fn pair_precedes(ball: u32, other: u32, rival: u32) -> bool {
-    (ball.min(other), ball.max(other)) < (ball.min(rival), ball.max(rival))
 }

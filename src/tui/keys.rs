@@ -71,6 +71,10 @@ pub enum Action {
     Mark,
     /// Freeze or thaw the screen.
     Freeze,
+    /// Write a checkpoint.
+    Checkpoint,
+    /// Show the run as it was at a past time.
+    Goto,
     /// Write the screen to files.
     Copy,
     /// Draw the whole screen again.
@@ -252,8 +256,8 @@ pub const KEYS: &[Binding] = &[
             entry(Action::Observe, "observe", &[key('O')]),
         ],
         short: "observables",
-        help: "observables: in the whole window, choose the next, observe it or no more",
-        rank: 22,
+        help: "observables: show them, the next one, on or off",
+        rank: 24,
     },
     Binding {
         entries: &[
@@ -293,14 +297,26 @@ pub const KEYS: &[Binding] = &[
             entry(Action::Live, "live", &[key('0')]),
         ],
         short: "past",
-        help: "earlier, later in the history; back to now",
+        help: "earlier, later in the charts; back to now, also from g",
         rank: 16,
     },
     Binding {
         entries: &[entry(Action::Mark, "mark", &[key('m')])],
         short: "mark",
-        help: "mark this moment in the charts",
+        help: "mark this moment in the charts, for all who watch",
         rank: 17,
+    },
+    Binding {
+        entries: &[entry(Action::Goto, "goto", &[key('g')])],
+        short: "go to",
+        help: "the gas as it was at a past time, beside the run, which goes on",
+        rank: 22,
+    },
+    Binding {
+        entries: &[entry(Action::Checkpoint, "checkpoint", &[key('c')])],
+        short: "checkpoint",
+        help: "write a checkpoint now",
+        rank: 23,
     },
     Binding {
         entries: &[entry(Action::Copy, "copy", &[key('w')])],

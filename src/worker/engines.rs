@@ -6,12 +6,12 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::calendar::{Bounded, Indexed, Lazy};
-use crate::engine::event_driven::EventDriven;
+use crate::engine::event_driven;
 use crate::engine::reversible::Reversible;
 use crate::engine::statistical::{self, Plan, Resolution, Statistical};
 use crate::engine::time_stepping::TimeStepping;
 use crate::engine::windowed::Windowed;
-use crate::engine::{Engine, Saved};
+use crate::engine::{Engine, Saved, Tally};
 use crate::quantity::plain;
 use crate::scene::analysis::packing_fraction;
 use crate::state::{Placement, State, UnitScale};
@@ -75,7 +75,7 @@ pub struct Wishes {
 /// An engine that can run the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Choice {
-    /// [`EventDriven`], with this calendar.
+    /// [`event_driven::EventDriven`], with this calendar.
     Event(CalendarName),
     /// [`Windowed`], on so many threads.
     Windowed(usize),
@@ -186,13 +186,7 @@ impl Choice {
     /// If the reversible engine refuses balls that it accepted when the choice was made.
     pub fn engine(&self, state: State) -> Box<dyn Engine> {
         match self {
-            Self::Event(CalendarName::Indexed) => {
-                Box::new(EventDriven::<Indexed>::with_calendar(state))
-            }
-            Self::Event(CalendarName::Lazy) => Box::new(EventDriven::<Lazy>::with_calendar(state)),
-            Self::Event(CalendarName::Bounded) => {
-                Box::new(EventDriven::<Bounded>::with_calendar(state))
-            }
+            Self::Event(calendar) => event(*calendar, state, None),
             Self::Windowed(threads) => Box::new(Windowed::new(state, *threads)),
             Self::Reversible => Box::new(
                 Reversible::new(state).expect("the choice was made for balls that it can run"),
@@ -209,15 +203,7 @@ impl Choice {
     /// The engine itself, to go on from what one of its kind has saved; `None` if it was another kind.
     pub fn resume(&self, state: State, saved: Saved) -> Option<Box<dyn Engine>> {
         Some(match (self, saved) {
-            (Self::Event(CalendarName::Indexed), Saved::Exact(tally)) => {
-                Box::new(EventDriven::<Indexed>::resume(state, tally))
-            }
-            (Self::Event(CalendarName::Lazy), Saved::Exact(tally)) => {
-                Box::new(EventDriven::<Lazy>::resume(state, tally))
-            }
-            (Self::Event(CalendarName::Bounded), Saved::Exact(tally)) => {
-                Box::new(EventDriven::<Bounded>::resume(state, tally))
-            }
+            (Self::Event(calendar), Saved::Exact(tally)) => event(*calendar, state, Some(tally)),
             (Self::Windowed(threads), Saved::Exact(tally)) => {
                 Box::new(Windowed::resume(state, *threads, tally))
             }
@@ -252,6 +238,14 @@ impl Choice {
                 plain((8.0 * way).min(1.0)),
             )
         })
+    }
+}
+
+fn event(calendar: CalendarName, state: State, tally: Option<Tally>) -> Box<dyn Engine> {
+    match calendar {
+        CalendarName::Indexed => event_driven::fitting::<Indexed>(state, tally),
+        CalendarName::Lazy => event_driven::fitting::<Lazy>(state, tally),
+        CalendarName::Bounded => event_driven::fitting::<Bounded>(state, tally),
     }
 }
 
@@ -309,19 +303,20 @@ fn check_step(step: f64, until: Option<f64>, placement: &Placement) -> Result<()
 ///
 /// Source: measured at a packing fraction of a tenth, where it is the known `1.25 way`; a thin gas loses `2.26 way` of that
 /// part (derived here, from contacts found half a step late). Carnahan & Starling, J. Chem. Phys. 51, 635 (1969), for `Z`.
-fn pressure_error(way: f64, packing_fraction: f64) -> f64 {
+pub(crate) fn pressure_error(way: f64, packing_fraction: f64) -> f64 {
     let phi = packing_fraction;
     let z = (1.0 + phi * (1.0 + phi * (1.0 - phi))) / ((1.0 - phi) * (1.0 - phi) * (1.0 - phi));
     (3.4 * way).min(1.0) * (1.0 - 1.0 / z)
 }
 
 /// Root mean square of a component of the velocity.
-fn thermal_speed(placement: &Placement) -> f64 {
+pub(crate) fn thermal_speed(placement: &Placement) -> f64 {
     let squares = placement.velocities.iter().map(|v| v.length_squared());
     (squares.sum::<f64>() / (3.0 * placement.velocities.len().max(1) as f64)).sqrt()
 }
 
-fn mean_diameter(placement: &Placement) -> f64 {
+/// Mean over the balls.
+pub(crate) fn mean_diameter(placement: &Placement) -> f64 {
     let radius = |&kind: &u32| placement.bodies[kind as usize].radius;
     let radii = placement.body_of.iter().map(radius);
     match placement.bodies.as_slice() {

@@ -125,7 +125,11 @@ impl Settings {
                     cells_per_path: Some(resolution.cell.recip()),
                     ..wishes(EngineName::Statistical, threads)
                 };
-                if !settings.add(&statistical(resolution, threads, gas), &wishes, gas) {
+                let name = statistical(resolution, threads, gas);
+                if settings.allowed.iter().any(|setting| setting.name == name) {
+                    continue; // the balls are too few for finer cells
+                }
+                if !settings.add(&name, &wishes, gas) {
                     return settings;
                 }
             }

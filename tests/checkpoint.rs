@@ -538,3 +538,64 @@ fn a_checkpoint_that_cannot_be_written_does_not_stop_the_run() {
     let summary = summary(path, "begun/summary.json");
     assert_eq!(summary["time"], 20.0);
 }
+
+#[test]
+fn a_run_directory_that_becomes_read_only_does_not_stop_the_run() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = directory.path();
+    fs::write(path.join("scene.toml"), SMALL).expect("it can be written");
+    let held = path.join("held");
+    // Permissions do not bind root; this flag does, where the file system has it.
+    let seal = |flag: &str| {
+        let done = Command::new("chattr")
+            .arg(flag)
+            .arg(&held)
+            .stderr(Stdio::null())
+            .status();
+        done.is_ok_and(|status| status.success())
+    };
+    let arguments = [
+        "run",
+        "scene.toml",
+        "--run-dir",
+        "held",
+        "--until",
+        "1e9",
+        "--yes",
+    ];
+    let mut child = moltop(
+        path,
+        &[&arguments[..], &["--checkpoint-every", "20ms"]].concat(),
+    )
+    .stderr(Stdio::null())
+    .spawn()
+    .expect("the program starts");
+    let wait_for = |what: &str, holds: &dyn Fn() -> bool| {
+        let began = Instant::now();
+        while !holds() {
+            assert!(began.elapsed() < Duration::from_secs(60), "{what}");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    };
+    let log = || fs::read_to_string(held.join("log")).unwrap_or_default();
+    wait_for("a checkpoint", &|| {
+        held.join("checkpoint.previous").exists()
+    });
+    if !seal("+i") {
+        child.kill().expect("it is ours");
+        child.wait().expect("it has ended");
+        return; // nobody can make it read-only here
+    }
+    let told = || log().matches("checkpoint: ").count();
+    wait_for("two refusals", &|| told() >= 2);
+    let whole = SavedRun::load(&held).is_ok();
+    assert!(seal("-i"));
+    let before = log().matches("INFO checkpoint").count();
+    wait_for("the next checkpoint", &|| {
+        log().matches("INFO checkpoint").count() > before
+    });
+    assert!(whole, "what was safe before is so still");
+    child.kill().expect("it is ours");
+    child.wait().expect("it has ended");
+    assert!(SavedRun::load(&held).is_ok());
+}

@@ -191,7 +191,7 @@ fn a_signal_and_a_key_ask_for_a_checkpoint() {
     let before = written();
     terminal.press("c");
     terminal.wait_for("is on the disk");
-    assert!(written() > before);
+    wait_until("one more", || written() > before, String::new);
     check_stops(&runs);
 }
 

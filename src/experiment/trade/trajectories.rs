@@ -52,6 +52,8 @@ impl Judge {
     /// Takes a part of at most `most` balls; `None` if the gas has too many and no part can be cut out.
     pub fn new(whole: &Placement, free_time: f64, most: usize) -> Option<Self> {
         let gas = part(whole, most)?;
+        // Twenty bits: twice the time must lie on the engines' grid of time too, or the way back ends a tick beside the start.
+        let free_time = f64::from_bits(free_time.to_bits() & !u64::from(u32::MAX));
         let units = State::new(&gas).units;
         // Instants are on a grid: the reference must look at the same.
         let looks = LOOKS.map(|look| units.scene_time(units.instant(look * free_time)));

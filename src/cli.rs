@@ -7,10 +7,11 @@ use clap::builder::FalseyValueParser;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 
-use crate::experiment::{extremes, gas, page};
+use crate::experiment::{extremes, gas, page, trade};
 use crate::generate::{Draw, Format, GASES};
 use crate::scene::observe::Name;
 use crate::tui;
+use crate::worker::OnTrouble;
 use crate::worker::engines::{Accuracy, CalendarName, EngineName};
 
 const EXAMPLES: &str = "\
@@ -25,6 +26,7 @@ Examples:
   moltop run configs/oxygen.toml --yes       all 20 microseconds: days
   moltop list                                what is running; `moltop attach` watches the newest
   moltop stop oxygen                         end a run in good order, by the beginning of its name
+  moltop clean                               remove runs that have ended
   moltop run ~/.local/state/moltop/NAME      go on with a run from its last checkpoint
 
 A scene is a TOML file; its numbers are in its own units, and so are --until and --sample.
@@ -120,6 +122,21 @@ pub enum Command {
         /// End all runs that are going on
         #[arg(long, conflicts_with = "run")]
         all: bool,
+    },
+    /// Remove the directories of runs that have ended, with their summaries and checkpoints
+    #[command(
+        after_help = "Without a name, all runs that have ended. A run in a directory of --run-dir keeps its files.\n\
+                            Example: moltop clean --older-than 30days"
+    )]
+    Clean {
+        /// Names of the runs, or the beginnings of them
+        runs: Vec<String>,
+        /// Only runs that were started so long ago, such as 7days
+        #[arg(long, value_name = "DURATION", value_parser = humantime::parse_duration)]
+        older_than: Option<Duration>,
+        /// Do not ask
+        #[arg(long, env = "MOLTOP_YES", value_parser = FalseyValueParser::new())]
+        yes: bool,
     },
     /// Print how a run is going, a line now and then, until it ends
     #[command(
@@ -253,6 +270,11 @@ pub enum Experiment {
         after_help = "Takes some minutes on two cores, --quick ten seconds, --full hours. Example:\n  moltop experiment gas --quick --out results"
     )]
     Gas(gas::Options),
+    /// Speed against accuracy on a scene of yours: what each engine and step costs, what it gets wrong, and which to take
+    #[command(
+        after_help = "Takes some eight minutes, --quick a minute. Example:\n  moltop experiment trade configs/seed-512.toml --quick --out results"
+    )]
+    Trade(trade::Options),
 }
 
 /// What `generate` makes.
@@ -394,6 +416,14 @@ pub struct RunOptions {
     /// Wall time between two checkpoints, such as 30s, 10min or 2h
     #[arg(long, value_name = "DURATION", env = "MOLTOP_CHECKPOINT_EVERY", default_value = "10min", value_parser = pause)]
     pub checkpoint_every: Duration,
+    /// What to do once a figure of the run's accuracy is beyond its limit, such as its energy drift: it is shown and logged anyway
+    #[arg(
+        long,
+        value_name = "WHAT",
+        env = "MOLTOP_ON_TROUBLE",
+        default_value = "ignore"
+    )]
+    pub on_trouble: OnTrouble,
     /// Overwrite output files that exist; run engine statistical although the gas is too dense for it
     #[arg(long, env = "MOLTOP_FORCE", value_parser = FalseyValueParser::new())]
     pub force: bool,

@@ -18,4 +18,5 @@ pub mod progress;
 pub mod queue;
 pub mod reversal;
 pub mod theory;
+pub mod trade;
 pub mod trial;

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::snapshot::{Phase, Snapshot};
+use crate::snapshot::{ObservableName, Phase, Snapshot};
 
 /// What a watcher may ask of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,10 +29,14 @@ pub enum Command {
     Watch(bool),
     /// Write a checkpoint now.
     Checkpoint,
+    /// Mark a simulated time in the charts, for all watchers.
+    Mark(f64),
     /// Make the state at a past simulated time again, beside the run, in [`Snapshot::past`]; `None` lets it go.
     Goto(Option<f64>),
     /// End the run; the last snapshot is the summary's.
     Stop,
+    /// Observe this from now on, or no more; what it had found is dropped then.
+    Observe(ObservableName, bool),
 }
 
 /// What a watcher may do with a run.

@@ -13,7 +13,7 @@ use crate::snapshot::{Phase, Snapshot};
 use crate::summary::Exit;
 
 /// How often the run is looked at.
-const LOOK: Duration = Duration::from_millis(50);
+const LOOK: Duration = Duration::from_millis(20);
 
 /// Time between two states of the line on a terminal.
 const REWRITE: Duration = Duration::from_millis(250);

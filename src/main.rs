@@ -11,7 +11,7 @@ use moltop::check;
 use moltop::cli::{Cli, Command, Experiment, Generate, RunOptions};
 use moltop::convert::convert;
 use moltop::error::{Error, Result};
-use moltop::experiment::{extremes, gas, growth, queue, reversal};
+use moltop::experiment::{extremes, gas, growth, queue, reversal, trade};
 use moltop::feed::socket::SocketFeed;
 use moltop::feed::{self, Access, Feed};
 use moltop::generate::{self, Balls, Extent, GASES};
@@ -47,6 +47,11 @@ fn main() -> ExitCode {
         Some(Command::Resume { run }) => runs::command(&run, feed::Command::Resume),
         Some(Command::Reverse { run }) => runs::command(&run, feed::Command::Reverse),
         Some(Command::Stop { run, .. }) => stop(run.as_deref()),
+        Some(Command::Clean {
+            runs,
+            older_than,
+            yes,
+        }) => runs::clean(&runs, older_than, yes),
         Some(Command::Watch { run, jsonl, every }) => runs::watch(run.as_deref(), jsonl, every),
         Some(Command::Report { run, out }) => report(&run, out.as_deref()),
         Some(Command::Run { options, yes }) => run(&options, yes, program_start),
@@ -203,6 +208,7 @@ fn experiment(what: &Experiment) -> Result<u8> {
         Experiment::Reversal(options) => reversal::run(options),
         Experiment::Queue(options) => queue::run(options),
         Experiment::Gas(options) => gas::run(options),
+        Experiment::Trade(options) => trade::run(options),
     }
 }
 

@@ -13,7 +13,7 @@ use crate::experiment::plot::{Axis, Glyph, Line, Plot, Series};
 use crate::output::Target;
 use crate::quantity::{Quantity, duration, plain, quantity};
 use crate::run_directory::{HISTORY, REPORT, SUMMARY};
-use crate::snapshot::Units;
+use crate::snapshot::{Curve, ObservableName, Units};
 
 /// A report of a run.
 pub struct Report {
@@ -191,7 +191,59 @@ fn plots(page: &Page, course: &Course) -> Vec<Plot> {
         }
     }
     plots.extend(speeds(page, &unit("m/s")));
+    let observed = ObservableName::ALL.into_iter();
+    plots.extend(observed.filter_map(|name| curve(page, name)));
     plots
+}
+
+/// The curve of an observable, group by group, beside what theory expects.
+fn curve(page: &Page, name: ObservableName) -> Option<Plot> {
+    let curve = Curve::of(name);
+    let table = page.summary["observables"][name.key()].as_object()?;
+    let column = |key: &str| Some(table.get(key)?.as_array()?.iter().map(Value::as_f64));
+    let series = |wanted: &str, line: Line| -> Vec<Series> {
+        let groups = table.keys().filter_map(|key| {
+            let rest = key.strip_prefix(wanted).filter(|_| !wanted.is_empty())?;
+            (rest.is_empty() || rest.starts_with('.')).then_some(key)
+        });
+        let drawn = groups.filter_map(|key| {
+            let pairs = column(curve.x)?.zip(column(key)?);
+            let points: Vec<_> = pairs.filter_map(|(x, y)| Some((x?, y?))).collect();
+            let words = key.replace(['_', '.'], " ");
+            (points.len() > 1).then(|| Series::line(&words, line, points))
+        });
+        drawn.collect()
+    };
+    let series = [
+        series(curve.y, Line::Solid),
+        series(curve.expected, Line::Dotted),
+    ]
+    .concat();
+    let (what, against) = (curve.y.replace('_', " "), curve.x.replace('_', " "));
+    let unit = match page.units {
+        Units::Si => format!(" in {}", curve.x_unit),
+        Units::Reduced => String::new(),
+    };
+    let axis = |label: &str| {
+        if curve.logarithmic {
+            Axis::logarithmic(label)
+        } else {
+            Axis::linear(label)
+        }
+    };
+    (!series.is_empty()).then(|| Plot {
+        name: name.key(),
+        title: format!("{}: {}", capitalised(curve.title), page.title),
+        x: axis(&format!("{against}{unit}")),
+        y: axis(&what),
+        series,
+    })
+}
+
+fn capitalised(words: &str) -> String {
+    let mut letters = words.chars();
+    let first = letters.next().map(|letter| letter.to_ascii_uppercase());
+    first.into_iter().chain(letters).collect()
 }
 
 /// The speeds beside Maxwell's distribution.
@@ -341,6 +393,11 @@ mod tests {
             "temperature": 0.5,
             "pressure": { "wall": null },
             "accuracy": [{ "name": "energy drift", "value": 1e-9, "limit": 1e-12, "sound": false }],
+            "observables": { "motion": {
+                "time": [1, 2, 3],
+                "mean_square_displacement.a": [1, 4, 9],
+                "mean_square_displacement.b": [null, 2, 4],
+            }, "relaxation": { "time": [0], "h": [1] } },
             "speeds": { "histogram": { "bin_width": 0.5, "counts": [1, 2], "maxwell": [0.5, 2.5] } },
         })
     }
@@ -367,10 +424,12 @@ mod tests {
                       0,1,300,299,301,\n1,2,310,305,311,\n";
         let report = Report::new(&summary(), &Course::parse(table));
         let names: Vec<&str> = report.plots.iter().map(|plot| plot.name).collect();
-        assert_eq!(names, ["temperature", "speeds"]);
+        assert_eq!(names, ["temperature", "speeds", "motion"]);
         let place = tempfile::tempdir().expect("a temporary directory");
         report.write(place.path()).expect("room");
         let svg = fs::read_to_string(place.path().join("temperature.svg")).expect("a plot");
         assert!(svg.starts_with("<svg") && svg.contains("lowest"));
+        let svg = fs::read_to_string(place.path().join("motion.svg")).expect("a plot");
+        assert!(svg.contains("mean square displacement b"));
     }
 }

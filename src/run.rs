@@ -24,7 +24,7 @@ use crate::state::Placement;
 use crate::summary::{Exit, Summary, for_people};
 use crate::trajectory_file::{ENDINGS, Format, Recorder, Witness};
 use crate::worker::engines::{Accuracy, Choice, EngineName, Offer, Wishes};
-use crate::worker::{LocalFeed, Options, Worker};
+use crate::worker::{LocalFeed, OnTrouble, Options, Worker};
 use resumed::Resumed;
 
 /// A run that could start: the scene is good and its balls are placed, or its checkpoint is; its outputs can be written.
@@ -36,6 +36,7 @@ pub struct Prepared {
     trajectory_every: Option<f64>,
     force: bool,
     until_error: Option<f64>,
+    on_trouble: OnTrouble,
 }
 
 /// What a run comes from.
@@ -101,6 +102,7 @@ impl Prepared {
             trajectory_every: options.trajectory_every,
             force: options.force,
             until_error: options.until_error,
+            on_trouble: options.on_trouble,
         })
     }
 
@@ -168,6 +170,7 @@ impl Prepared {
             trajectory,
             directory: directory.as_ref().map(|found| found.path().to_owned()),
             checkpoint_every: self.checkpoint_every,
+            on_trouble: Some(self.on_trouble),
             program_start,
         };
         let worker = match self.origin {

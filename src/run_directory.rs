@@ -4,11 +4,12 @@
 //! exactly as long as its lock is held, whatever files a crash has left behind. Runs are found below
 //! `$XDG_STATE_HOME/moltop`; one that was told to live elsewhere has a link there.
 
-mod log;
+pub(crate) mod log;
 
+use std::collections::HashSet;
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Read, Write};
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, symlink};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -236,6 +237,51 @@ impl Found {
     pub fn is_going_on(&self) -> bool {
         let held = |lock: File| flock(&lock, FlockOperation::NonBlockingLockShared).is_err();
         !self.path.join(EXIT).exists() && File::open(self.path.join(LOCK)).is_ok_and(held)
+    }
+
+    /// Removes the directory of a run that has ended. One that was told to live elsewhere keeps its files, and is known no more.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] while it is going on, [`Error::File`] when the system refuses.
+    pub fn remove(&self) -> Result<()> {
+        let lock = self.path.join(LOCK);
+        let held = File::open(&lock).map_err(|error| failure(&lock, "open", error))?;
+        if flock(&held, FlockOperation::NonBlockingLockExclusive).is_err() {
+            let name = &self.name;
+            return Err(Error::Usage(format!(
+                "{name}: is going on: `moltop stop {name}` ends it"
+            )));
+        }
+        let place = root()?.join(&self.name);
+        let removed = if place.is_symlink() {
+            fs::remove_file(&place)
+        } else {
+            fs::remove_dir_all(&place)
+        };
+        removed.map_err(|error| failure(&place, "remove", error))
+    }
+
+    /// Whether its directory is one that was named for it, outside of the runs'.
+    pub fn lives_elsewhere(&self) -> bool {
+        root().is_ok_and(|root| !self.path.starts_with(root.canonicalize().unwrap_or(root)))
+    }
+
+    /// What its files take on the disk \[bytes\]; a file of two names counts once.
+    pub fn disk_usage(&self) -> u64 {
+        let mut size = 0;
+        let mut seen = HashSet::new();
+        let mut directories = vec![self.path.clone()];
+        while let Some(directory) = directories.pop() {
+            for entry in fs::read_dir(directory).into_iter().flatten().flatten() {
+                let Ok(file) = entry.metadata() else { continue };
+                if file.is_dir() {
+                    directories.push(entry.path());
+                } else if seen.insert(file.ino()) {
+                    size += 512 * file.blocks();
+                }
+            }
+        }
+        size
     }
 
     /// Process id of the run, or of the last process that ran it.

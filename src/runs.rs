@@ -1,4 +1,6 @@
-//! The commands about runs of other processes: list, status, pause, resume, reverse, stop, watch.
+//! The commands about runs of other processes: list, status, pause, resume, reverse, stop, watch, clean.
+
+mod clean;
 
 use std::fs;
 use std::io::{self, Write};
@@ -17,7 +19,10 @@ use crate::quantity::{Quantity, duration, plain, quantity};
 use crate::run::{say, tell};
 use crate::run_directory::{EXIT, Found, SUMMARY};
 use crate::signals::Signals;
-use crate::snapshot::{NamedBall, Phase, Pressure, Snapshot, Units};
+use crate::snapshot::{NamedBall, Phase, Snapshot, Units};
+use crate::summary::Measured;
+
+pub use clean::clean;
 
 /// How long a run has to obey a command.
 const OBEYED: Duration = Duration::from_secs(10);
@@ -337,18 +342,8 @@ struct Line<'s> {
     sequence: u64,
     reversed: bool,
     time_left_s: Option<(f64, f64)>,
-    pair_collisions: u64,
-    wall_collisions: u64,
-    plane_collisions: u64,
-    temperature: Option<f64>,
-    kinetic_energy: f64,
-    pressure: Pressure,
-    compressibility_factor: Option<f64>,
-    collision_rate: Option<f64>,
-    mean_free_path: Option<f64>,
-    energy_drift: Option<f64>,
-    momentum_drift: Option<f64>,
-    max_overlap: Option<f64>,
+    #[serde(flatten)]
+    measured: Measured,
     queue_length: u64,
     peak_rss_bytes: Option<u64>,
     named_balls: &'s [NamedBall],
@@ -365,18 +360,7 @@ impl Line<'_> {
             sequence: snapshot.sequence,
             reversed: snapshot.reversed,
             time_left_s: snapshot.time_left_s,
-            pair_collisions: snapshot.counts.pair_collisions,
-            wall_collisions: snapshot.counts.wall_collisions,
-            plane_collisions: snapshot.counts.plane_collisions,
-            temperature: snapshot.temperature,
-            kinetic_energy: snapshot.kinetic_energy,
-            pressure: snapshot.pressure,
-            compressibility_factor: snapshot.compressibility_factor,
-            collision_rate: snapshot.collision_rate,
-            mean_free_path: snapshot.mean_free_path,
-            energy_drift: snapshot.energy_drift,
-            momentum_drift: snapshot.momentum_drift,
-            max_overlap: snapshot.max_overlap,
+            measured: Measured::of(snapshot),
             queue_length: snapshot.queue_length,
             peak_rss_bytes: snapshot.peak_rss_bytes,
             named_balls: &snapshot.named,

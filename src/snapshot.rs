@@ -12,7 +12,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 pub use accuracy::Check;
-pub use observables::{Column, Figure, Observed, by_name};
+pub use observables::{Column, Curve, Figure, ObservableName, Observed, by_name};
 
 pub use crate::history::{History, Observable, Range, Stretch};
 
@@ -190,6 +190,15 @@ pub struct Sample {
     pub names: Vec<String>,
 }
 
+/// Something that went to the run's log as a warning or worse.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Warning {
+    /// Wall time of the run when it was noticed, pauses excluded.
+    pub wall_time_s: f64,
+    /// What was said.
+    pub words: String,
+}
+
 /// A ball that the scene names, and how far it has come.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NamedBall {
@@ -277,14 +286,22 @@ pub struct Snapshot {
     /// Speed histogram, refreshed every few seconds.
     #[serde(skip)]
     pub speeds: Option<Arc<Speeds>>,
-    /// Events in the queue now.
+    /// Events in the queue, on the mean since the snapshot before; in the last snapshot of a run, at its end.
     pub queue_length: u64,
     /// Most events ever in the queue.
     pub queue_length_max: u64,
     /// Simulated time of the newest checkpoint on the disk.
     pub last_checkpoint: Option<f64>,
+    /// Checkpoints that this process has written.
+    pub checkpoints: u64,
     /// What the user should know although the run goes on, such as a checkpoint that could not be written.
     pub notice: Option<String>,
+    /// The newest warnings of the run's log, oldest first.
+    pub warnings: Vec<Warning>,
+    /// Simulated times that watchers have marked.
+    pub marks: Vec<f64>,
+    /// How many processes watch; `None` where the run is in the watcher's own.
+    pub watchers: Option<u32>,
     /// Largest resident memory of the process so far.
     pub peak_rss_bytes: Option<u64>,
     /// Hash of time and state, synchronised; only in the last snapshot of a run.
@@ -307,6 +324,12 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
+    /// What an observable has found, if it is observed.
+    pub fn observed(&self, name: ObservableName) -> Option<&Observed> {
+        let mut all = self.observables.iter();
+        all.find(|observed| observed.name == name.key())
+    }
+
     /// The snapshot of a run that has not begun.
     pub fn starting(scene: Arc<SceneCard>, engine: &'static str, until: Option<f64>) -> Self {
         Self {
@@ -346,7 +369,11 @@ impl Snapshot {
             queue_length: 0,
             queue_length_max: 0,
             last_checkpoint: None,
+            checkpoints: 0,
             notice: None,
+            warnings: Vec::new(),
+            marks: Vec::new(),
+            watchers: None,
             peak_rss_bytes: None,
             state_hash: None,
             named: Vec::new(),

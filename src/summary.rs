@@ -68,20 +68,9 @@ pub struct Summary<'s> {
     until: Option<f64>,
     wall_time_s: f64,
     setup_time_s: Option<f64>,
-    pair_collisions: u64,
-    wall_collisions: u64,
-    plane_collisions: u64,
     collisions_per_wall_second: Option<f64>,
-    temperature: Option<f64>,
-    kinetic_energy: f64,
-    pressure: Pressure,
-    compressibility_factor: Option<f64>,
-    collision_rate: Option<f64>,
-    mean_free_path: Option<f64>,
-    energy_drift: Option<f64>,
-    momentum_drift: Option<f64>,
-    virial_residual: Option<f64>,
-    max_overlap: Option<f64>,
+    #[serde(flatten)]
+    measured: Measured,
     accuracy: Vec<Check>,
     echo: Option<Echo>,
     echo_horizon: Option<f64>,
@@ -94,6 +83,45 @@ pub struct Summary<'s> {
     observables: &'s [Observed],
     named_balls: &'s [NamedBall],
     exit: String,
+}
+
+/// What is measured of the gas itself, at the end and on the way.
+#[derive(Debug, Serialize)]
+pub struct Measured {
+    pair_collisions: u64,
+    wall_collisions: u64,
+    plane_collisions: u64,
+    temperature: Option<f64>,
+    kinetic_energy: f64,
+    pressure: Pressure,
+    compressibility_factor: Option<f64>,
+    collision_rate: Option<f64>,
+    mean_free_path: Option<f64>,
+    energy_drift: Option<f64>,
+    momentum_drift: Option<f64>,
+    virial_residual: Option<f64>,
+    max_overlap: Option<f64>,
+}
+
+impl Measured {
+    /// As of a snapshot.
+    pub fn of(snapshot: &Snapshot) -> Self {
+        Self {
+            pair_collisions: snapshot.counts.pair_collisions,
+            wall_collisions: snapshot.counts.wall_collisions,
+            plane_collisions: snapshot.counts.plane_collisions,
+            temperature: snapshot.temperature,
+            kinetic_energy: snapshot.kinetic_energy,
+            pressure: snapshot.pressure,
+            compressibility_factor: snapshot.compressibility_factor,
+            collision_rate: snapshot.collision_rate,
+            mean_free_path: snapshot.mean_free_path,
+            energy_drift: snapshot.energy_drift,
+            momentum_drift: snapshot.momentum_drift,
+            virial_residual: snapshot.virial_residual,
+            max_overlap: snapshot.max_overlap,
+        }
+    }
 }
 
 #[derive(Debug, Serialize)]
@@ -160,20 +188,8 @@ impl<'s> Summary<'s> {
             until: snapshot.until,
             wall_time_s: snapshot.wall_time_s,
             setup_time_s: snapshot.setup_time_s,
-            pair_collisions: counts.pair_collisions,
-            wall_collisions: counts.wall_collisions,
-            plane_collisions: counts.plane_collisions,
             collisions_per_wall_second: per_wall_second,
-            temperature: snapshot.temperature,
-            kinetic_energy: snapshot.kinetic_energy,
-            pressure: snapshot.pressure,
-            compressibility_factor: snapshot.compressibility_factor,
-            collision_rate: snapshot.collision_rate,
-            mean_free_path: snapshot.mean_free_path,
-            energy_drift: snapshot.energy_drift,
-            momentum_drift: snapshot.momentum_drift,
-            virial_residual: snapshot.virial_residual,
-            max_overlap: snapshot.max_overlap,
+            measured: Measured::of(snapshot),
             accuracy: snapshot.accuracy(),
             echo: snapshot.echo,
             echo_horizon: snapshot.echo_horizon,

@@ -25,6 +25,7 @@ pub mod terminal;
 pub mod theme;
 pub mod trails;
 pub mod view;
+pub mod visit;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -83,7 +84,11 @@ pub fn run(feed: &dyn Feed, access: Access, stop: &AtomicBool, options: &Options
     let mut screen = Screen::take(options.palette(), options.mouse())?;
     feed.send(Command::Watch(true));
     await_picture(feed);
-    let left = Watcher::new(feed, access, options).watch(stop, &mut screen);
+    let mut watcher = Watcher::new(feed, access, options);
+    let left = watcher.watch(stop, &mut screen);
+    if watcher.app.visit.is_some() {
+        feed.send(Command::Goto(None));
+    }
     feed.send(Command::Watch(false));
     left
 }

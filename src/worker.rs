@@ -13,6 +13,7 @@ mod pace;
 mod past;
 mod run;
 mod saved;
+mod watchdog;
 mod writer;
 
 use std::io::Write;
@@ -24,6 +25,7 @@ use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 pub use saved::{Origin, SavedRun};
+pub use watchdog::OnTrouble;
 
 use crate::feed::{Command, Feed};
 use crate::scene::Scene;
@@ -52,6 +54,8 @@ pub struct Options {
     pub directory: Option<PathBuf>,
     /// Wall time between two checkpoints.
     pub checkpoint_every: Duration,
+    /// What is done when the run's accuracy is in doubt; `None` does not look.
+    pub on_trouble: Option<OnTrouble>,
     /// When the program started, for `setup_time_s`.
     pub program_start: Instant,
 }
@@ -195,6 +199,7 @@ fn failed(last: &Snapshot, panic: &Box<dyn std::any::Any + Send>) -> Snapshot {
         "the engine failed (a bug in moltop): {}",
         words.unwrap_or("no message")
     );
+    tracing::error!("{reason}");
     Snapshot {
         phase: Phase::Failed(reason),
         sequence: last.sequence + 1,

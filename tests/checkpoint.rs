@@ -260,6 +260,7 @@ fn worker(directory: &Path, until: Option<f64>) -> Worker {
         series: None,
         directory: Some(directory.to_owned()),
         checkpoint_every: Duration::from_millis(20),
+        on_trouble: None,
         trajectory: None,
         program_start: Instant::now(),
     };
@@ -312,6 +313,7 @@ fn the_past_is_made_again_bit_for_bit_across_a_reversal_and_the_run_goes_on() {
             series: None,
             directory: Some(alone.path().to_owned()),
             checkpoint_every: Duration::MAX,
+            on_trouble: None,
             trajectory: None,
             program_start: Instant::now(),
         };
@@ -379,12 +381,14 @@ fn check_kills(kills: u32, seed: u64) {
     let path = directory.path();
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/seed-512.toml");
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let until = (7 * kills).to_string(); // far enough to survive most of them
     run(
         path,
-        &["run", scene, "--until", "40", "--summary", "whole.json"],
+        &["run", scene, "--until", &until, "--summary", "whole.json"],
     );
     let mut begun = false;
-    let often = ["--checkpoint-every", "10ms", "--until", "40"];
+    let mut killed = 0;
+    let often = ["--checkpoint-every", "10ms", "--until", &until];
     for _ in 0..kills {
         let what = if begun {
             vec!["run", "killed"]
@@ -405,9 +409,11 @@ fn check_kills(kills: u32, seed: u64) {
         if status.code() == Some(0) {
             break; // it was through
         }
+        killed += 1;
     }
     if begun {
-        let rest = output(path, &["run", "killed", "--until", "40"]);
+        println!("killed {killed} times");
+        let rest = output(path, &["run", "killed", "--until", &until]);
         let words = text(&rest.stderr);
         assert!(rest.status.success(), "{words}");
         let (whole, rest) = (
@@ -422,7 +428,9 @@ fn check_kills(kills: u32, seed: u64) {
 
 #[test]
 fn a_run_killed_at_random_moments_ends_as_if_nothing_had_happened() {
-    check_kills(6, 1);
+    // MOLTOP_KILLS=100 cargo test --test checkpoint killed: a hundred, which takes a minute.
+    let kills = std::env::var("MOLTOP_KILLS").ok();
+    check_kills(kills.map_or(6, |kills| kills.parse().expect("a number")), 1);
 }
 
 #[test]
@@ -529,4 +537,65 @@ fn a_checkpoint_that_cannot_be_written_does_not_stop_the_run() {
     );
     let summary = summary(path, "begun/summary.json");
     assert_eq!(summary["time"], 20.0);
+}
+
+#[test]
+fn a_run_directory_that_becomes_read_only_does_not_stop_the_run() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = directory.path();
+    fs::write(path.join("scene.toml"), SMALL).expect("it can be written");
+    let held = path.join("held");
+    // Permissions do not bind root; this flag does, where the file system has it.
+    let seal = |flag: &str| {
+        let done = Command::new("chattr")
+            .arg(flag)
+            .arg(&held)
+            .stderr(Stdio::null())
+            .status();
+        done.is_ok_and(|status| status.success())
+    };
+    let arguments = [
+        "run",
+        "scene.toml",
+        "--run-dir",
+        "held",
+        "--until",
+        "1e9",
+        "--yes",
+    ];
+    let mut child = moltop(
+        path,
+        &[&arguments[..], &["--checkpoint-every", "20ms"]].concat(),
+    )
+    .stderr(Stdio::null())
+    .spawn()
+    .expect("the program starts");
+    let wait_for = |what: &str, holds: &dyn Fn() -> bool| {
+        let began = Instant::now();
+        while !holds() {
+            assert!(began.elapsed() < Duration::from_secs(60), "{what}");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    };
+    let log = || fs::read_to_string(held.join("log")).unwrap_or_default();
+    wait_for("a checkpoint", &|| {
+        held.join("checkpoint.previous").exists()
+    });
+    if !seal("+i") {
+        child.kill().expect("it is ours");
+        child.wait().expect("it has ended");
+        return; // nobody can make it read-only here
+    }
+    let told = || log().matches("checkpoint: ").count();
+    wait_for("two refusals", &|| told() >= 2);
+    let whole = SavedRun::load(&held).is_ok();
+    assert!(seal("-i"));
+    let before = log().matches("INFO checkpoint").count();
+    wait_for("the next checkpoint", &|| {
+        log().matches("INFO checkpoint").count() > before
+    });
+    assert!(whole, "what was safe before is so still");
+    child.kill().expect("it is ours");
+    child.wait().expect("it has ended");
+    assert!(SavedRun::load(&held).is_ok());
 }

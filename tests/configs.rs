@@ -19,6 +19,7 @@ fn run(name: &str, until: f64) -> (Arc<Snapshot>, Outcome) {
         series: None,
         directory: None,
         checkpoint_every: Duration::MAX,
+        on_trouble: None,
         until_error: None,
         reversals: Vec::new(),
         trajectory: None,

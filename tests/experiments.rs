@@ -26,6 +26,7 @@ fn results_are_not_overwritten_and_that_is_known_before_anything_is_measured() {
         ("reversal", "reversal-position.svg"),
         ("queue", "queue.json"),
         ("gas", "gas.md"),
+        ("trade", "trade-faith.csv"),
     ] {
         let out = tempfile::tempdir().expect("a temporary directory");
         fs::write(out.path().join(file), "mine").expect("written");
@@ -65,4 +66,105 @@ fn an_interrupted_experiment_writes_what_it_has() {
     );
     assert!(read("growth-times.csv").starts_with("engine,balls,time_s,"));
     assert!(read("growth-time.svg").contains("processor time [s]"));
+}
+
+/// What `experiment trade` says of a scene in a moment.
+fn trade(scene: &str) -> Value {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let file = directory.path().join("scene.toml");
+    fs::write(&file, scene).expect("written");
+    let output = Command::new(env!("CARGO_BIN_EXE_moltop"))
+        .args([
+            "experiment",
+            "trade",
+            "--quick",
+            "--json",
+            "--seconds",
+            "0.05",
+        ])
+        .arg(&file)
+        .output()
+        .expect("the program starts");
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{words}");
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+fn scene(size: f64, velocity: &str) -> String {
+    format!(
+        "units = \"reduced\"\n[domain]\nkind = \"container\"\nsize = [{size}, {size}, {size}]\n[[species]]\ncount = 1000\n\
+         radius = 0.5\nmass = 1.0\nvelocity = {velocity}\n"
+    )
+}
+
+const WARM: &str = "{ kind = \"maxwell\", temperature = 1.0 }";
+
+#[test]
+fn trade_measures_every_setting_that_a_scene_allows_and_recommends() {
+    let document = trade(&scene(60.0, WARM));
+    let rows = |table: &str| document["tables"][table]["rows"].as_array().cloned();
+    let settings = rows("settings").expect("settings");
+    let has = |name: &str| {
+        settings.iter().any(|row| {
+            row["setting"]
+                .as_str()
+                .is_some_and(|setting| setting.starts_with(name))
+        })
+    };
+    for name in [
+        "event",
+        "windowed",
+        "reversible",
+        "step, 1/60",
+        "statistical, f = 0.2",
+    ] {
+        assert!(has(name), "{name}");
+    }
+    assert!(rows("refused").is_none());
+    let faith = rows("faith").expect("trajectories");
+    let off = |name: &str| {
+        let row = faith.iter().find(|row| row["setting"] == name);
+        row.expect("a row")["off_after_0_5_d"]
+            .as_f64()
+            .expect("followed")
+    };
+    // From 106 bits; a ball of this gas moves by 30 diameters in half a mean free time.
+    assert!(off("event") < 1e-8 && off("step, 1/15 d/sigma") > 1e-3);
+    let numbers = rows("numbers").expect("numbers");
+    for row in &numbers {
+        let number = |key: &str| row[key].as_f64().expect("a number");
+        // Six standard errors: the rows are many. A first row is its own reference.
+        let setting = row["setting"].as_str().expect("a name");
+        let (error, noise) = (number("wall_pressure_error"), number("wall_pressure_noise"));
+        assert!(
+            error.abs() < 6.0 * noise + 0.02,
+            "{setting}: {error} {noise}"
+        );
+    }
+    let words = document["paragraphs"].to_string();
+    assert!(
+        words.contains("For pressure: within 10 %") && words.contains("For trajectories"),
+        "{words}"
+    );
+}
+
+#[test]
+fn trade_says_who_refuses_a_scene_and_that_resting_balls_have_nothing_to_trade() {
+    let document = trade(&scene(14.0, WARM));
+    let refused = &document["tables"]["refused"]["rows"][0];
+    assert_eq!(refused["engine"], "statistical");
+    assert!(
+        refused["reason"].to_string().contains("too dense"),
+        "{refused}"
+    );
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let file = directory.path().join("rest.toml");
+    fs::write(&file, scene(14.0, "{ kind = \"rest\" }")).expect("written");
+    let output = Command::new(env!("CARGO_BIN_EXE_moltop"))
+        .args(["experiment", "trade"])
+        .arg(&file)
+        .output()
+        .expect("the program starts");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("nothing moves"));
 }

@@ -4,8 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use moltop::feed::{Command, Feed};
 use moltop::scene::Scene;
-use moltop::snapshot::{Figure, Observed, Phase, Snapshot};
+use moltop::snapshot::{Figure, ObservableName, Observed, Phase, Snapshot};
 use moltop::worker::engines::Choice;
 use moltop::worker::{Options, SavedRun, Worker};
 
@@ -16,6 +17,7 @@ fn options(engine: Choice, until: f64) -> Options {
         series: None,
         directory: None,
         checkpoint_every: Duration::MAX,
+        on_trouble: None,
         until_error: None,
         reversals: Vec::new(),
         trajectory: None,
@@ -267,4 +269,68 @@ fn the_mean_free_path_is_not_that_of_the_short_flights_that_have_ended() {
         let (ratio, _) = ratio(figure);
         assert!((ratio - 1.0).abs() < 4.0 / ends.sqrt(), "{name} {ratio}");
     }
+}
+
+/// Keys of a running dashboard end up here: what is switched on measures from then on, and what cannot be says why.
+#[test]
+fn observables_are_switched_on_and_off_while_the_gas_runs() {
+    let text = fluid("motion = true", 1e9);
+    let scene = Scene::parse(Path::new("scene.toml"), &text).expect("a good scene");
+    let placement = scene.place().expect("a good scene");
+    let worker = Worker::start(&scene, placement, options(Choice::default(), 1e9));
+    let feed = worker.feed();
+    let wait = |what: &str, is_there: &dyn Fn(&Snapshot) -> bool| {
+        let deadline = Instant::now() + Duration::from_secs(60);
+        while !is_there(&feed.latest()) {
+            assert!(Instant::now() < deadline, "{what}");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    };
+    let found = |snapshot: &Snapshot, name| {
+        let observed = snapshot.observed(name)?;
+        Some(
+            observed
+                .figures
+                .iter()
+                .any(|figure| figure.standard_error.is_some()),
+        )
+    };
+    for name in ObservableName::ALL {
+        feed.send(Command::Observe(name, true));
+    }
+    wait("all are on", &|snapshot| snapshot.observables.len() == 6);
+    for name in [
+        ObservableName::Flights,
+        ObservableName::Transport,
+        ObservableName::RadialDistribution,
+    ] {
+        wait("it has found something", &|snapshot| {
+            found(snapshot, name) == Some(true)
+        });
+    }
+    for name in ObservableName::ALL {
+        feed.send(Command::Observe(name, false));
+    }
+    wait("all are off", &|snapshot| snapshot.observables.is_empty());
+    let time = feed.latest().time;
+    wait("the run goes on", &|snapshot| snapshot.time > time);
+    feed.send(Command::Stop);
+    worker.join();
+    let text = text.replace("periodic", "container");
+    let scene = Scene::parse(Path::new("scene.toml"), &text).expect("a good scene");
+    let placement = scene.place().expect("a good scene");
+    let worker = Worker::start(&scene, placement, options(Choice::default(), 1e9));
+    let feed = worker.feed();
+    feed.send(Command::Observe(ObservableName::Transport, true));
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while feed.latest().notice.is_none() && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let notice = feed.latest().notice.clone().unwrap_or_default();
+    assert!(
+        notice.starts_with("transport: must be measured in a periodic box"),
+        "{notice}"
+    );
+    feed.send(Command::Stop);
+    worker.join();
 }

@@ -4,8 +4,11 @@ mod fake;
 
 use std::sync::Arc;
 
-use moltop::feed::Command;
-use moltop::snapshot::{Boundary, Echo, Observable, Phase, SceneCard, Snapshot, Stretch};
+use moltop::feed::{Access, Command};
+use moltop::snapshot::{
+    Boundary, Column, Echo, Figure, Observable, ObservableName, Observed, Phase, SceneCard,
+    Snapshot, Stretch, Warning,
+};
 use moltop::tui::Leave;
 use moltop::tui::app::{App, Overlay, Panel};
 use moltop::tui::camera::Camera;
@@ -308,7 +311,7 @@ fn nothing_that_is_no_number_reaches_the_screen() {
 
 #[test]
 fn no_size_and_no_key_ends_in_a_panic() {
-    let keys: Vec<KeyCode> = " rs,.+-v[]<>0f?/ynqatTmwh12345678"
+    let keys: Vec<KeyCode> = " rs,.+-v[]<>0f?/ynqatTmwhcg12345678%"
         .chars()
         .map(KeyCode::Char)
         .chain([
@@ -403,7 +406,7 @@ fn a_panel_is_chosen_enlarged_and_left() {
     press(&mut app, KeyCode::BackTab);
     assert_eq!(app.enlarged, Some(Panel::Gas));
     press(&mut app, KeyCode::BackTab);
-    assert_eq!(app.enlarged, Some(Panel::Link));
+    assert_eq!(app.enlarged, Some(Panel::Observables));
     press(&mut app, KeyCode::Esc);
     assert_eq!((app.enlarged, app.chosen), (None, None));
 }
@@ -420,6 +423,120 @@ fn the_charts_go_back_in_time_and_come_back() {
     press(&mut app, KeyCode::Char('['));
     press(&mut app, KeyCode::Char('['));
     assert!(screen(&app, 80, 24).contains("the whole run"));
+}
+
+/// The run after so many frames, with a past at 5 ns.
+fn with_past(frame: u64, phase: Phase) -> Snapshot {
+    let mut past = running(oxygen(), 0);
+    past.time = 5e-9;
+    past.until = Some(past.time);
+    past.phase = phase;
+    Snapshot {
+        past: Some(Arc::new(past)),
+        ..running(oxygen(), frame)
+    }
+}
+
+#[test]
+fn the_past_is_seen_beside_the_run_which_no_key_reaches_meanwhile() {
+    let mut app = watching(&Phase::Running, false);
+    press(&mut app, KeyCode::Char('g'));
+    golden("goto", &app, 80, 24);
+    golden("goto", &app, 40, 12);
+    for key in "5 m".chars() {
+        press(&mut app, KeyCode::Char(key));
+    }
+    press(&mut app, KeyCode::Enter);
+    assert!(screen(&app, 80, 24).contains("no unit of time here"));
+    press(&mut app, KeyCode::Backspace);
+    for key in "ns".chars() {
+        assert_eq!(press(&mut app, KeyCode::Char(key)).1, []);
+    }
+    let (_, commands) = press(&mut app, KeyCode::Enter);
+    assert_eq!(commands, [Command::Goto(Some(5.0 * 1e-9))]);
+    show(&mut app, with_past(20, Phase::Running));
+    assert!(screen(&app, 80, 24).contains("going back to 5.00 ns, run running"));
+    show(&mut app, with_past(21, Phase::Finished));
+    golden("past_run", &app, 80, 24);
+    assert_eq!(app.numbers.time, 5e-9);
+    for key in " rs,.cm".chars() {
+        assert_eq!(press(&mut app, KeyCode::Char(key)).1, [], "{key}");
+        assert!(screen(&app, 80, 24).contains("0 comes back to the run"));
+    }
+    assert_eq!(press(&mut app, KeyCode::Char('0')).1, [Command::Goto(None)]);
+    assert_eq!(app.numbers.time, app.latest.time);
+    assert!(screen(&app, 80, 24).contains("● running"));
+}
+
+#[test]
+fn a_past_that_cannot_be_made_again_is_no_past() {
+    let mut app = watching(&Phase::Running, false);
+    for key in "g0".chars() {
+        press(&mut app, KeyCode::Char(key));
+    }
+    press(&mut app, KeyCode::Enter);
+    show(
+        &mut app,
+        with_past(20, Phase::Failed("no checkpoint is that old".into())),
+    );
+    assert_eq!(app.visit, None);
+    assert!(screen(&app, 80, 24).contains("no way back: no checkpoint is that old"));
+}
+
+#[test]
+fn a_checkpoint_is_asked_for_and_said_to_be_on_the_disk() {
+    let mut app = watching(&Phase::Running, false);
+    assert_eq!(press(&mut app, KeyCode::Char('c')).1, [Command::Checkpoint]);
+    assert!(screen(&app, 80, 24).contains("writing a checkpoint"));
+    let mut saved = running(oxygen(), 20);
+    saved.checkpoints = 1;
+    saved.last_checkpoint = Some(1.3e-8);
+    show(&mut app, saved);
+    assert!(screen(&app, 80, 24).contains("checkpoint at 13.00 ns is on the disk"));
+}
+
+#[test]
+fn a_reader_is_told_that_the_run_does_not_hear_it() {
+    let mut app = watching(&Phase::Running, false);
+    app.access = Access::ReadOnly;
+    for key in " rs,.cg".chars() {
+        assert_eq!(press(&mut app, KeyCode::Char(key)).1, [], "{key}");
+        assert!(screen(&app, 80, 24).contains("read-only"));
+    }
+}
+
+#[test]
+fn marks_are_the_runs_and_the_readers_own() {
+    let mut app = watching(&Phase::Running, false);
+    let (_, commands) = press(&mut app, KeyCode::Char('m'));
+    assert_eq!(commands, [Command::Mark(app.latest.time)]);
+    let mut marked = running(oxygen(), 20);
+    marked.marks = vec![1e-9, app.latest.time];
+    let known = marked.marks.clone();
+    show(&mut app, marked);
+    assert_eq!(app.marks(), known);
+}
+
+#[test]
+fn warnings_are_told_at_once_and_listed() {
+    let mut app = watching(&Phase::Running, false);
+    let mut warned = running(oxygen(), 20);
+    let warning = |wall_time_s, words: &str| Warning {
+        wall_time_s,
+        words: words.into(),
+    };
+    warned.warnings = vec![
+        warning(
+            12.0,
+            "slow: 3.019e5 collisions per second, 68 % of what is usual in this run",
+        ),
+        warning(44.0, "checkpoint: cannot write: no space left on device"),
+    ];
+    show(&mut app, warned);
+    golden("warned", &app, 80, 24);
+    press(&mut app, KeyCode::Char('4'));
+    golden("warned_panel", &app, 80, 24);
+    golden("warned_panel", &app, 40, 12);
 }
 
 #[test]
@@ -551,4 +668,79 @@ fn control_c_leaves_at_once() {
     let mut app = watching(&Phase::Running, false);
     let key = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
     assert_eq!(app.press(key, &mut |_| {}), Some(Leave::Quit));
+}
+
+/// What two observables have found: one with figures and a curve, one with a curve and theory.
+fn observing() -> Snapshot {
+    let column = |name: &str, value: &dyn Fn(f64) -> f64| Column {
+        name: name.into(),
+        values: (1..100).map(|row| Some(value(f64::from(row)))).collect(),
+    };
+    let figure = |name: &str, value: f64, error: f64, expected: f64, unit: &str| Figure {
+        name: name.into(),
+        value: Some(value),
+        standard_error: Some(error),
+        expected: Some(expected),
+        unit: unit.into(),
+    };
+    let radial = Observed {
+        name: "radial_distribution".into(),
+        figures: vec![figure("contact_value", 1.0141, 0.0021, 1.0142, "")],
+        columns: vec![
+            column("distance", &|row| 3.46e-10 * (1.0 + row / 50.0)),
+            column("radial_distribution", &|row| {
+                1.0 + 0.014 * (-row / 20.0).exp()
+            }),
+        ],
+    };
+    let motion = Observed {
+        name: "motion".into(),
+        figures: vec![figure(
+            "diffusion_coefficient.O2",
+            1.412e-5,
+            3e-8,
+            1.409e-5,
+            "m²/s",
+        )],
+        columns: vec![
+            column("time", &|row| 1e-11 * row),
+            column("mean_square_displacement.O2", &|row| {
+                1e-17 * row * row / (1.0 + row / 9.0)
+            }),
+            column("expected.O2", &|row| {
+                9.6e-18 * row * row / (1.0 + row / 9.0)
+            }),
+        ],
+    };
+    Snapshot {
+        observables: Arc::new(vec![radial, motion]),
+        ..running(oxygen(), 12)
+    }
+}
+
+#[test]
+fn observables_are_shown_and_switched_by_keys() {
+    let mut app = watching(&Phase::Running, false);
+    show(&mut app, observing());
+    // The first press of either key shows the panel, and changes nothing.
+    let (_, commands) = press(&mut app, KeyCode::Char('O'));
+    assert_eq!((app.enlarged, commands), (Some(Panel::Observables), vec![]));
+    golden("observables_radial", &app, 80, 24);
+    golden("observables_radial", &app, 132, 43);
+    golden("observables_radial", &app, 40, 12);
+    let (_, commands) = press(&mut app, KeyCode::Char('O'));
+    let off = Command::Observe(ObservableName::RadialDistribution, false);
+    assert_eq!(commands, [off]);
+    press(&mut app, KeyCode::Char('o'));
+    golden("observables_off", &app, 80, 24);
+    let (_, commands) = press(&mut app, KeyCode::Char('O'));
+    let on = Command::Observe(ObservableName::DensityProfile, true);
+    assert_eq!(commands, [on]);
+    press(&mut app, KeyCode::Char('o'));
+    assert_eq!(app.observable, ObservableName::Motion);
+    golden("observables_motion", &app, 80, 24);
+    (0..4).for_each(|_| drop(press(&mut app, KeyCode::Char('o'))));
+    assert_eq!(app.observable, ObservableName::RadialDistribution);
+    press(&mut app, KeyCode::Char('9'));
+    assert_eq!(app.enlarged, None);
 }

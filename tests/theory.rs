@@ -45,6 +45,7 @@ fn check(scene: &Scene, until: f64, tolerance: [f64; 3]) {
         series: None,
         directory: None,
         checkpoint_every: Duration::MAX,
+        on_trouble: None,
         until_error: None,
         reversals: Vec::new(),
         trajectory: None,

@@ -26,6 +26,7 @@ mod meeting;
 mod paths;
 mod pieces;
 mod region;
+mod sheet;
 mod tuning;
 
 use std::collections::BinaryHeap;
@@ -43,7 +44,7 @@ use pieces::{FRESH, LATER, Line, MOST_REGIONS, NONE, Numbering, Past, Piece, Pie
 use region::{Region, Shelves};
 
 /// Windows between two sortings of the balls.
-const WINDOWS_PER_SORT: u32 = 8;
+const WINDOWS_PER_SORT: u32 = 5;
 
 /// Collisions per ball with which a window is full, because its length was foreseen for a gas with room.
 const MOST_PER_WINDOW: usize = 4;

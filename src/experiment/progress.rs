@@ -42,6 +42,11 @@ impl Progress {
         })
     }
 
+    /// The work turns out to be another amount in all.
+    pub fn expect(&mut self, total: f64) {
+        self.total = total;
+    }
+
     /// Says what is being done, now and then, with the time that is left; `seconds` of work have been done since the last call.
     pub fn tell(&mut self, seconds: f64, words: &str) {
         self.done += seconds;

@@ -16,7 +16,7 @@ use crate::snapshot::{History, Observed, Sample, SceneCard, Snapshot, Speeds, St
 /// Number of the messages' layout: both sides must have the same.
 ///
 /// Grows with every change of a message or of anything in a [`Snapshot`]; `Hello` and `Refused` never change.
-pub const PROTOCOL: u32 = 2;
+pub const PROTOCOL: u32 = 3;
 
 /// Longest message that is accepted \[bytes\].
 const LONGEST: usize = 64 << 20;
@@ -162,6 +162,13 @@ impl Frame {
         }
     }
 
+    /// The same, with how many processes watch.
+    #[must_use]
+    pub fn with_watchers(mut self, count: u32) -> Self {
+        self.small.watchers = Some(count);
+        self
+    }
+
     /// The whole snapshot, for a receiver of `before`.
     pub fn after(self, before: Option<&Snapshot>) -> Snapshot {
         let mut sample = self.sample.after(old_sample(before));
@@ -252,7 +259,10 @@ fn decode<T: DeserializeOwned>(bytes: &[u8]) -> io::Result<T> {
 
 #[cfg(test)]
 mod tests {
+    use serde_reflection::{Samples, Tracer, TracerConfig};
+
     use super::*;
+    use crate::snapshot::{Boundary, Phase, Units};
 
     fn sample(x: f32) -> Arc<Sample> {
         Arc::new(Sample {
@@ -303,6 +313,41 @@ mod tests {
         next.sample = None;
         next.speeds = None;
         assert_eq!(sent(Some(&first), &next).0, next);
+    }
+
+    /// The shape of everything that is said, as one number.
+    ///
+    /// Source: FNV-1a (Fowler, Noll, Vo; RFC 9923).
+    fn shape() -> u64 {
+        let mut tracer = Tracer::new(TracerConfig::default());
+        let samples = Samples::new();
+        // Not the frame itself: its parts are of one name and several types.
+        let whole = "it has a shape";
+        tracer.trace_type::<Request>(&samples).expect(whole);
+        tracer.trace_type::<Command>(&samples).expect(whole);
+        tracer.trace_type::<Ending>(&samples).expect(whole);
+        tracer.trace_type::<Snapshot>(&samples).expect(whole);
+        tracer.trace_type::<Phase>(&samples).expect(whole);
+        tracer.trace_type::<SceneCard>(&samples).expect(whole);
+        tracer.trace_type::<Units>(&samples).expect(whole);
+        tracer.trace_type::<Boundary>(&samples).expect(whole);
+        tracer.trace_type::<Speeds>(&samples).expect(whole);
+        tracer.trace_type::<History>(&samples).expect(whole);
+        tracer.trace_type::<Observed>(&samples).expect(whole);
+        tracer.trace_type::<Sample>(&samples).expect(whole);
+        let registry = format!("{:?}", tracer.registry().expect("all of it is known"));
+        (registry.bytes()).fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        })
+    }
+
+    #[test]
+    fn whoever_changes_a_message_raises_the_protocol() {
+        assert_eq!(
+            (PROTOCOL, shape()),
+            (3, 18_401_690_339_252_908_611),
+            "a request or a part of a snapshot has changed: raise PROTOCOL, then note number and shape here"
+        );
     }
 
     #[test]

@@ -62,6 +62,7 @@ impl Server {
                 alarm,
                 watchers: Vec::new(),
                 picture: false,
+                count: 0,
             };
             let body = move || serving.go(&last);
             let thread = thread::Builder::new().name("watchers".into()).spawn(body)?;
@@ -96,6 +97,8 @@ struct Serving {
     watchers: Vec<Watcher>,
     /// Whether the engine has been asked for pictures.
     picture: bool,
+    /// How many watchers had said hello when the engine was last asked.
+    count: u32,
 }
 
 struct Watcher {
@@ -172,23 +175,32 @@ impl Serving {
     fn converse(&mut self) {
         let Self { feed, watchers, .. } = self;
         watchers.retain_mut(|watcher| watcher.listen(feed).is_ok());
+        let count = counted(watchers);
         let latest = feed.latest();
         watchers.retain_mut(|watcher| {
-            watcher.tell(&latest);
+            watcher.tell(&latest, count);
             watcher.send().is_ok()
         });
         let picture = watchers.iter().any(Watcher::takes_pictures);
-        if std::mem::replace(&mut self.picture, picture) != picture {
-            feed.send(Command::Watch(picture));
+        let now = (picture, counted(watchers));
+        if (self.picture, self.count) == now {
+            return;
         }
+        if now.1 == 0 {
+            feed.send(Command::Goto(None)); // nobody looks at the past any more
+        }
+        (self.picture, self.count) = now;
+        // Also a snapshot with the new count, for those who stay.
+        feed.send(Command::Watch(picture));
     }
 
     /// Says good-bye.
     fn part(&mut self, ending: &Ending) {
         let latest = self.feed.latest();
         self.watchers.retain(|watcher| watcher.read_only.is_some());
+        let count = counted(&self.watchers);
         for watcher in &mut self.watchers {
-            watcher.add(&Reply::News(Box::new(watcher.frame(&latest))));
+            watcher.add(&Reply::News(Box::new(watcher.frame(&latest, count))));
             watcher.add(&Reply::Ended(ending.clone()));
             watcher.last = true;
         }
@@ -279,15 +291,16 @@ impl Watcher {
         }
     }
 
-    fn frame(&self, latest: &Snapshot) -> Frame {
-        Frame::between(self.has.as_ref().map(|(has, _)| has.as_ref()), latest)
+    fn frame(&self, latest: &Snapshot, watchers: u32) -> Frame {
+        let has = self.has.as_ref().map(|(has, _)| has.as_ref());
+        Frame::between(has, latest).with_watchers(watchers)
     }
 
     /// Answers the question for news, if there are any.
-    fn tell(&mut self, latest: &Arc<Snapshot>) {
+    fn tell(&mut self, latest: &Arc<Snapshot>, watchers: u32) {
         let has = self.has.as_ref().map(|(has, _)| has.sequence);
         if self.asks && !self.is_sending() && has != Some(latest.sequence) {
-            let frame = self.frame(latest);
+            let frame = self.frame(latest, watchers);
             self.add(&Reply::News(Box::new(frame)));
             self.has = Some((Arc::clone(latest), Instant::now()));
             self.asks = false;
@@ -310,6 +323,12 @@ impl Watcher {
         }
         Ok(())
     }
+}
+
+/// Those that have said hello.
+fn counted(watchers: &[Watcher]) -> u32 {
+    let greeted = watchers.iter().filter(|one| one.read_only.is_some());
+    greeted.count() as u32
 }
 
 fn is_for_later(error: &io::Error) -> bool {

@@ -37,6 +37,26 @@ pub struct OnDemand {
 }
 
 impl OnDemand {
+    /// Whether nothing is observed.
+    pub fn is_idle(&self) -> bool {
+        let Self {
+            radial_distribution,
+            density_profile,
+            motion,
+            relaxation,
+            flights,
+            transport,
+            velocities: _,
+            looks: _,
+        } = self;
+        radial_distribution.is_none()
+            && density_profile.is_none()
+            && motion.is_none()
+            && relaxation.is_none()
+            && flights.is_none()
+            && transport.is_none()
+    }
+
     /// Whether collisions are of any use.
     pub fn wants_collisions(&self) -> bool {
         self.velocities.is_some()

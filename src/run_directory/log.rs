@@ -1,10 +1,17 @@
-//! The log of a run: what `tracing` events say, one a line, in two files of bounded size.
+//! The log of a run: what `tracing` events say, one a line, in two files of bounded size. The newest warnings are kept in
+//! memory too, for the dashboard.
 
+use std::collections::VecDeque;
+use std::fmt::{Debug, Write as _};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard};
+
+use tracing::field::{Field, Visit};
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
 
 /// Size at which a log makes room for the next: it becomes `log.1`, and the one before is gone.
 const LARGEST: u64 = 1 << 20;
@@ -17,9 +24,62 @@ pub(super) fn start(path: &Path) -> io::Result<()> {
         .with_target(false)
         .log_internal_errors(false) // a full disk is no reason to write to a terminal that may be gone
         .with_writer(Mutex::new(log))
-        .finish();
+        .finish()
+        .with(Newest);
     let _ = tracing::subscriber::set_global_default(subscriber);
     Ok(())
+}
+
+/// Most warnings that are kept in memory.
+const MOST_WARNINGS: usize = 8;
+
+/// How many warnings there have been, and the newest of them.
+static WARNINGS: Mutex<(u64, VecDeque<String>)> = Mutex::new((0, VecDeque::new()));
+
+fn warnings() -> MutexGuard<'static, (u64, VecDeque<String>)> {
+    WARNINGS
+        .lock()
+        .expect("nothing panics while it holds the warnings")
+}
+
+/// The warnings and errors that have been logged after the first `seen`, as far as they are kept; `seen` then counts all.
+pub(crate) fn newest_warnings(seen: &mut u64) -> Vec<String> {
+    let (count, kept) = &*warnings();
+    let new = (*count - std::mem::replace(seen, *count)) as usize;
+    kept.iter()
+        .skip(kept.len().saturating_sub(new))
+        .cloned()
+        .collect()
+}
+
+/// Keeps the newest warnings in memory.
+struct Newest;
+
+impl<S: Subscriber> Layer<S> for Newest {
+    fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
+        if *event.metadata().level() > Level::WARN {
+            return;
+        }
+        let mut words = Words(String::new());
+        event.record(&mut words);
+        let (count, kept) = &mut *warnings();
+        *count += 1;
+        if kept.len() == MOST_WARNINGS {
+            kept.pop_front();
+        }
+        kept.push_back(words.0);
+    }
+}
+
+/// What an event says.
+struct Words(String);
+
+impl Visit for Words {
+    fn record_debug(&mut self, field: &Field, value: &dyn Debug) {
+        if field.name() == "message" {
+            let _ = write!(self.0, "{value:?}");
+        }
+    }
 }
 
 struct Log {

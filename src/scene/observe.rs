@@ -49,6 +49,16 @@ const KEYS: [(&str, Name); 6] = [
 ];
 
 impl Name {
+    /// All of them, in the order of the results.
+    pub const ALL: [Self; 6] = [
+        Self::RadialDistribution,
+        Self::DensityProfile,
+        Self::Motion,
+        Self::Relaxation,
+        Self::Flights,
+        Self::Transport,
+    ];
+
     /// The key of `[observe]`, and the name in the summary.
     pub fn key(self) -> &'static str {
         KEYS.iter()
@@ -105,13 +115,18 @@ pub(super) fn read(mut table: Table, faults: &mut Faults) -> Observe {
 
 /// Why a scene cannot measure what it asks for; `None` if it can.
 pub fn refusal(scene: &Scene) -> Option<String> {
+    refusal_of(scene, &scene.observe)
+}
+
+/// The same of another wish.
+pub fn refusal_of(scene: &Scene, observe: &Observe) -> Option<String> {
     let fixed = |species: &Species| species.mass.is_some_and(f64::is_infinite);
     let any_fixed =
         scene.species.iter().any(fixed) || scene.balls.iter().any(|ball| ball.mass.is_infinite());
     let domain = &scene.domain;
     let uniform = domain.boundary == Boundary::Periodic && domain.planes.is_empty() && !any_fixed;
     let room = domain.half_size.min_element();
-    match &scene.observe {
+    match observe {
         observe if observe.chosen.contains(&Name::Transport) && !uniform => Some(
             "transport: must be measured in a periodic box without planes and fixed balls, where the gas is alike everywhere"
                 .to_owned(),

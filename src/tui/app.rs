@@ -9,17 +9,18 @@ use ratatui::crossterm::event::{
 };
 
 use crate::feed::{Access, Command};
-use crate::snapshot::{Phase, Snapshot};
+use crate::snapshot::{ObservableName, Phase, Snapshot};
 use crate::tui::Leave;
 use crate::tui::camera::Camera;
 use crate::tui::ceiling::{is_rate, step_above, step_below};
-use crate::tui::format::quantity;
+use crate::tui::format::{count, quantity};
 use crate::tui::help::Help;
 use crate::tui::keys::{Action, Keymap};
 use crate::tui::link::Link;
 use crate::tui::picture::Mode;
 use crate::tui::span::Span;
 use crate::tui::trails::Trails;
+use crate::tui::visit::{Prompt, Visit};
 
 /// A panel over the dashboard.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,6 +29,8 @@ pub enum Overlay {
     Help(Help),
     /// Stop the run and leave?
     QuitQuestion,
+    /// To which past time?
+    Goto(Prompt),
     /// Why the run failed.
     Failure,
 }
@@ -51,11 +54,13 @@ pub enum Panel {
     Trust,
     /// What watching costs.
     Link,
+    /// What is observed on demand.
+    Observables,
 }
 
 impl Panel {
     /// All of them, in the order of their numbers.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Gas,
         Self::Now,
         Self::Speeds,
@@ -64,21 +69,12 @@ impl Panel {
         Self::Events,
         Self::Trust,
         Self::Link,
+        Self::Observables,
     ];
 
     /// How many stand side by side in a large enough window.
     pub const OVERVIEW: usize = 4;
 }
-
-/// A moment that the user marked.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moment {
-    /// Simulated time.
-    pub time: f64,
-}
-
-/// Most marks that are kept.
-const MOST_MARKS: usize = 99;
 
 /// Degrees that a picture turns by itself.
 const TURN: i32 = 5;
@@ -136,12 +132,18 @@ pub struct App {
     pub turning: bool,
     /// The panel that fills the window.
     pub enlarged: Option<Panel>,
+    /// The observable that the keys are for.
+    pub observable: ObservableName,
     /// The panel that the tabulator key chose.
     pub chosen: Option<Panel>,
     /// Which part of the history the charts show.
     pub span: Span,
-    /// Moments that the user marked, oldest first.
-    pub marks: Vec<Moment>,
+    /// Simulated times that the user marked and the run does not know of yet, or never will.
+    own_marks: Vec<f64>,
+    /// The past that is shown instead of the run, or is on its way.
+    pub visit: Option<Visit>,
+    /// Checkpoints written when one more was asked for.
+    checkpoint_wish: Option<u64>,
     /// Which key does what.
     pub keymap: Keymap,
     /// Words at the foot until the next key.
@@ -175,9 +177,12 @@ impl App {
             ascii,
             turning: false,
             enlarged: None,
+            observable: ObservableName::RadialDistribution,
             chosen: None,
             span: Span::default(),
-            marks: Vec::new(),
+            own_marks: Vec::new(),
+            visit: None,
+            checkpoint_wish: None,
             keymap: Keymap::default(),
             message: None,
             request: None,
@@ -202,18 +207,32 @@ impl App {
         if self.frozen {
             return;
         }
-        self.numbers = self.latest.clone();
+        let past = self.visit.and(self.latest.past.as_ref());
+        self.numbers = past.unwrap_or(&self.latest).clone();
         if picture {
-            self.pictured = self.latest.clone();
-            self.trails.clone_from(&self.newest_trails);
+            self.pictured = self.numbers.clone();
+            self.trails = match past {
+                Some(_) => Trails::default(),
+                None => self.newest_trails.clone(),
+            };
         }
+    }
+
+    /// Simulated times that are marked in the charts.
+    pub fn marks(&self) -> Vec<f64> {
+        let own = self.own_marks.iter();
+        let unknown = own.filter(|mark| !self.latest.marks.contains(mark));
+        self.latest.marks.iter().chain(unknown).copied().collect()
     }
 
     /// Takes in a snapshot; says whether the run's state changed, which is shown at once.
     pub fn observe(&mut self, snapshot: Arc<Snapshot>) -> bool {
-        let new_state =
-            snapshot.phase != self.latest.phase || snapshot.reversed != self.latest.reversed;
-        self.latest = snapshot;
+        let past = |of: &Snapshot| of.past.as_ref().map(|past| past.phase.clone());
+        let new_state = snapshot.phase != self.latest.phase
+            || snapshot.reversed != self.latest.reversed
+            || self.visit.is_some() && past(&snapshot) != past(&self.latest);
+        let before = std::mem::replace(&mut self.latest, snapshot);
+        self.tell_news(&before);
         let sequence = self.latest.sequence;
         let stale = |since: u64| sequence > since + PATIENCE;
         let paused = self.latest.phase == Phase::Paused;
@@ -235,6 +254,35 @@ impl App {
         new_state
     }
 
+    /// Says at the foot what has happened to the run beside its course.
+    fn tell_news(&mut self, before: &Snapshot) {
+        let latest = &self.latest;
+        if let Some(new) = latest
+            .warnings
+            .last()
+            .filter(|_| latest.warnings != before.warnings)
+        {
+            self.message = Some(format!("warning: {}", new.words));
+        }
+        if latest.notice.is_some() && latest.notice != before.notice {
+            self.message.clone_from(&latest.notice);
+        }
+        if self
+            .checkpoint_wish
+            .is_some_and(|before| latest.checkpoints > before)
+        {
+            self.checkpoint_wish = None;
+            let time = quantity(latest.last_checkpoint, "s", latest.scene.units, 4);
+            self.message = Some(format!("checkpoint at {time} is on the disk"));
+        }
+        if let Some(visit) = self.visit
+            && let Some(why) = visit.failure(latest)
+        {
+            self.visit = None;
+            self.message = Some(format!("no way back: {why}"));
+        }
+    }
+
     /// Obeys a key: hands commands to `send`, and says when it is time to leave.
     pub fn press(&mut self, key: KeyEvent, send: &mut dyn FnMut(Command)) -> Option<Leave> {
         if key.kind == KeyEventKind::Release {
@@ -254,6 +302,17 @@ impl App {
             Some(Overlay::Help(help)) => {
                 if !help.press(key.code) {
                     self.overlay = None;
+                }
+                return None;
+            }
+            Some(Overlay::Goto(prompt)) => {
+                match prompt.press(key.code, &self.latest) {
+                    None => {}
+                    Some(None) => self.overlay = None,
+                    Some(Some(time)) => {
+                        self.overlay = None;
+                        self.go_to(time, send);
+                    }
                 }
                 return None;
             }
@@ -279,6 +338,10 @@ impl App {
     }
 
     fn act(&mut self, action: Action, send: &mut dyn FnMut(Command)) -> Option<Leave> {
+        if let Some(why) = self.refusal(action) {
+            self.message = Some(why.to_owned());
+            return None;
+        }
         match action {
             Action::Pause => self.pause(send),
             Action::Reverse => send(Command::Reverse),
@@ -300,16 +363,28 @@ impl App {
             Action::Panel(number) => {
                 self.enlarge(Panel::ALL.get(usize::from(number.max(1) - 1)).copied())
             }
+            Action::NextObservable => self.next_observable(),
+            Action::Observe => self.switch_observable(send),
             Action::NextPanel => self.choose(1),
             Action::PreviousPanel => self.choose(-1),
             Action::Enlarge => self.enlarge(self.chosen.or(self.enlarged)),
+            Action::Back if (self.enlarged, self.chosen) == (None, None) => self.come_back(send),
             Action::Back => (self.enlarged, self.chosen) = (None, None),
             Action::HistoryLonger => self.span.halve(false),
             Action::HistoryShorter => self.span.halve(true),
             Action::Earlier => self.travel(true),
             Action::Later => self.travel(false),
-            Action::Live => self.span.end = None,
-            Action::Mark => self.mark(),
+            Action::Live => {
+                self.span.end = None;
+                self.come_back(send);
+            }
+            Action::Mark => self.mark(send),
+            Action::Goto => self.overlay = Some(Overlay::Goto(Prompt::default())),
+            Action::Checkpoint => {
+                self.checkpoint_wish = Some(self.latest.checkpoints);
+                self.message = Some("writing a checkpoint".into());
+                send(Command::Checkpoint);
+            }
             Action::Copy => self.request = Some(Request::Copy),
             Action::Redraw => self.request = Some(Request::Redraw),
             Action::SwitchView => {
@@ -350,18 +425,77 @@ impl App {
         }
     }
 
+    /// Shows the observables, and chooses the next one if they are shown already.
+    fn next_observable(&mut self) {
+        if self.enlarged.replace(Panel::Observables) == Some(Panel::Observables) {
+            let all = ObservableName::ALL;
+            let place = all.iter().position(|name| *name == self.observable);
+            self.observable = all[place.map_or(0, |place| (place + 1) % all.len())];
+        }
+    }
+
+    /// Has the chosen observable observed, or no more, where it can be seen what happens.
+    fn switch_observable(&mut self, send: &mut dyn FnMut(Command)) {
+        if self.enlarged == Some(Panel::Observables) && self.going_on() {
+            let on = self.latest.observed(self.observable).is_some();
+            send(Command::Observe(self.observable, !on));
+        } else {
+            self.enlarged = Some(Panel::Observables);
+        }
+    }
+
     fn travel(&mut self, earlier: bool) {
         if let Some(bounds) = self.numbers.history.bounds() {
             self.span.go(earlier, bounds);
         }
     }
 
-    fn mark(&mut self) {
-        if self.marks.len() < MOST_MARKS {
-            let time = self.latest.time;
-            self.marks.push(Moment { time });
-            let shown = quantity(Some(time), "s", self.latest.scene.units, 4);
-            self.message = Some(format!("mark {} at {shown}", self.marks.len()));
+    /// Why a key cannot do now what it is there for.
+    fn refusal(&self, action: Action) -> Option<&'static str> {
+        let commands = matches!(
+            action,
+            Action::Pause
+                | Action::Reverse
+                | Action::Step
+                | Action::Slower
+                | Action::Faster
+                | Action::Checkpoint
+        );
+        if self.access == Access::ReadOnly && (commands || action == Action::Goto) {
+            Some("read-only: this key does not reach the run")
+        } else if self.visit.is_some() && (commands || action == Action::Mark) {
+            Some("this is the past: 0 comes back to the run")
+        } else if !self.going_on() && (commands || action == Action::Goto) {
+            Some("the run has ended")
+        } else {
+            None
+        }
+    }
+
+    fn mark(&mut self, send: &mut dyn FnMut(Command)) {
+        let time = self.numbers.time; // what the user sees
+        if !self.marks().contains(&time) {
+            self.own_marks.push(time);
+            send(Command::Mark(time));
+        }
+        let shown = quantity(Some(time), "s", self.latest.scene.units, 4);
+        self.message = Some(format!(
+            "mark {} at {shown}",
+            count(self.marks().len() as u64)
+        ));
+    }
+
+    fn go_to(&mut self, time: f64, send: &mut dyn FnMut(Command)) {
+        self.frozen = false;
+        self.visit = Some(Visit::to(time, self.latest.sequence));
+        send(Command::Goto(Some(time)));
+    }
+
+    /// Comes back from the past.
+    fn come_back(&mut self, send: &mut dyn FnMut(Command)) {
+        if self.visit.take().is_some() {
+            send(Command::Goto(None));
+            self.refresh(true);
         }
     }
 
@@ -424,9 +558,6 @@ impl App {
     }
 
     fn pause(&mut self, send: &mut dyn FnMut(Command)) {
-        if !self.going_on() {
-            return;
-        }
         let paused = self
             .pause_wish
             .map_or(self.latest.phase == Phase::Paused, |wish| wish.value);

@@ -62,7 +62,7 @@ impl Input {
         let mut arrived = Arrived::default();
         while let Some(event) = self.parser.pop() {
             match event {
-                termina::Event::Key(key) => arrived.events.extend(key_event(&key)),
+                termina::Event::Key(key) => arrived.events.extend(key_events(&key)),
                 termina::Event::Mouse(mouse) => arrived.events.extend(mouse_event(mouse)),
                 termina::Event::Csi(_) => arrived.receipt = true,
                 _ => {}
@@ -79,6 +79,21 @@ impl Input {
         let mut fds = [PollFd::new(&self.terminal, PollFlags::IN)];
         poll(&mut fds, Some(&wait)).is_ok_and(|ready| ready > 0)
     }
+}
+
+/// A key as events. A letter that comes with an escape is two keys, pressed one soon after the other: on a slow line, or in
+/// haste, a terminal cannot tell that from the letter with Alt, which does nothing here.
+fn key_events(key: &raw::KeyEvent) -> Vec<Event> {
+    let alt = raw::Modifiers::ALT;
+    if !key.modifiers.contains(alt) {
+        return key_event(key).into_iter().collect();
+    }
+    let escape = Event::Key(KeyEvent::new(KeyCode::Esc, KeyModifiers::NONE));
+    let bare = raw::KeyEvent {
+        modifiers: key.modifiers.difference(alt),
+        ..*key
+    };
+    key_event(&bare).map_or(Vec::new(), |key| vec![escape, key])
 }
 
 fn key_event(key: &raw::KeyEvent) -> Option<Event> {
@@ -167,6 +182,13 @@ mod tests {
         check(b"\x1b[Z", KeyCode::BackTab, KeyModifiers::SHIFT);
         check(b"\r", KeyCode::Enter, KeyModifiers::NONE);
         check(b"\x03", KeyCode::Char('c'), KeyModifiers::CONTROL);
+    }
+
+    #[test]
+    fn a_letter_right_after_an_escape_is_a_key_of_its_own() {
+        let key = |code| Event::Key(KeyEvent::new(code, KeyModifiers::NONE));
+        let both = [key(KeyCode::Esc), key(KeyCode::Char('d'))];
+        assert_eq!(arrived(b"\x1bd").events, both);
     }
 
     #[test]

@@ -45,6 +45,10 @@ pub enum Action {
     ResetCamera,
     /// Fill the window with a panel, by its number, or go back.
     Panel(u8),
+    /// Choose the next observable.
+    NextObservable,
+    /// Observe the chosen observable, or no more.
+    Observe,
     /// Choose the next panel.
     NextPanel,
     /// Choose the panel before.
@@ -67,6 +71,10 @@ pub enum Action {
     Mark,
     /// Freeze or thaw the screen.
     Freeze,
+    /// Write a checkpoint.
+    Checkpoint,
+    /// Show the run as it was at a past time.
+    Goto,
     /// Write the screen to files.
     Copy,
     /// Draw the whole screen again.
@@ -243,6 +251,16 @@ pub const KEYS: &[Binding] = &[
     },
     Binding {
         entries: &[
+            entry(Action::Panel(9), "panel-9", &[key('9')]),
+            entry(Action::NextObservable, "next-observable", &[key('o')]),
+            entry(Action::Observe, "observe", &[key('O')]),
+        ],
+        short: "observables",
+        help: "observables: show them, the next one, on or off",
+        rank: 24,
+    },
+    Binding {
+        entries: &[
             entry(Action::NextPanel, "next-panel", &[named(KeyCode::Tab)]),
             entry(
                 Action::PreviousPanel,
@@ -279,14 +297,26 @@ pub const KEYS: &[Binding] = &[
             entry(Action::Live, "live", &[key('0')]),
         ],
         short: "past",
-        help: "earlier, later in the history; back to now",
+        help: "earlier, later in the charts; back to now, also from g",
         rank: 16,
     },
     Binding {
         entries: &[entry(Action::Mark, "mark", &[key('m')])],
         short: "mark",
-        help: "mark this moment in the charts",
+        help: "mark this moment in the charts, for all who watch",
         rank: 17,
+    },
+    Binding {
+        entries: &[entry(Action::Goto, "goto", &[key('g')])],
+        short: "go to",
+        help: "the gas as it was at a past time, beside the run, which goes on",
+        rank: 22,
+    },
+    Binding {
+        entries: &[entry(Action::Checkpoint, "checkpoint", &[key('c')])],
+        short: "checkpoint",
+        help: "write a checkpoint now",
+        rank: 23,
     },
     Binding {
         entries: &[entry(Action::Copy, "copy", &[key('w')])],

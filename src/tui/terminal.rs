@@ -39,6 +39,9 @@ const MOUSE_OFF: &[u8] = b"\x1b[?1002l\x1b[?1006l";
 /// Longest wait for a stalled terminal to take the last bytes.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
+/// Within which a terminal answers that has nothing else to do.
+const SOON: Duration = Duration::from_millis(20);
+
 /// The terminal while the dashboard holds it.
 pub struct Screen {
     output: OwnedFd,
@@ -108,9 +111,11 @@ impl Screen {
                 break;
             }
         }
-        // A receipt that comes later would be taken for something typed.
+        // A receipt that comes later would be taken for something typed; one that is long overdue does not come.
+        let usual = self.round_trip().unwrap_or_default();
+        let overdue = Instant::now() + (2 * usual + SOON).min(LAST_WORDS);
         while self.receipts.is_awaited() && self.round_trip().is_some() {
-            let left = deadline.saturating_duration_since(Instant::now());
+            let left = overdue.saturating_duration_since(Instant::now());
             if left.is_zero() || self.wait(left).is_none() {
                 break;
             }

@@ -12,6 +12,7 @@ mod header;
 mod history;
 mod link;
 mod now;
+mod observables;
 mod overlay;
 mod run;
 mod sentence;
@@ -137,6 +138,7 @@ fn draw_panel(app: &App, panel: Panel, area: Rect, buffer: &mut Buffer) {
         Panel::Events => events::panel(app, snapshot, area, buffer),
         Panel::Trust => trust::panel(snapshot, area, buffer),
         Panel::Link => link::panel(app, snapshot, area, buffer),
+        Panel::Observables => observables::panel(app, snapshot, area, buffer),
     }
     if app.chosen == Some(panel) && app.enlarged.is_none() {
         text::mark_chosen(buffer, area);

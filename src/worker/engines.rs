@@ -303,19 +303,20 @@ fn check_step(step: f64, until: Option<f64>, placement: &Placement) -> Result<()
 ///
 /// Source: measured at a packing fraction of a tenth, where it is the known `1.25 way`; a thin gas loses `2.26 way` of that
 /// part (derived here, from contacts found half a step late). Carnahan & Starling, J. Chem. Phys. 51, 635 (1969), for `Z`.
-fn pressure_error(way: f64, packing_fraction: f64) -> f64 {
+pub(crate) fn pressure_error(way: f64, packing_fraction: f64) -> f64 {
     let phi = packing_fraction;
     let z = (1.0 + phi * (1.0 + phi * (1.0 - phi))) / ((1.0 - phi) * (1.0 - phi) * (1.0 - phi));
     (3.4 * way).min(1.0) * (1.0 - 1.0 / z)
 }
 
 /// Root mean square of a component of the velocity.
-fn thermal_speed(placement: &Placement) -> f64 {
+pub(crate) fn thermal_speed(placement: &Placement) -> f64 {
     let squares = placement.velocities.iter().map(|v| v.length_squared());
     (squares.sum::<f64>() / (3.0 * placement.velocities.len().max(1) as f64)).sqrt()
 }
 
-fn mean_diameter(placement: &Placement) -> f64 {
+/// Mean over the balls.
+pub(crate) fn mean_diameter(placement: &Placement) -> f64 {
     let radius = |&kind: &u32| placement.bodies[kind as usize].radius;
     let radii = placement.body_of.iter().map(radius);
     match placement.bodies.as_slice() {

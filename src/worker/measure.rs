@@ -81,13 +81,12 @@ pub struct Settled {
 }
 
 impl Settled {
-    /// Averages at the state's present.
-    pub fn of(state: &State, observer: &Observer) -> Self {
+    /// Averages at the state's present. `pressures` are those of the run's start: to find them anew takes a look at every ball.
+    pub fn of(state: &State, observer: &Observer, pressures: &Pressures) -> Self {
         let Some(averages) = observer.blocks.averages(state.now) else {
             return Self::default();
         };
         let time = averages.duration * state.units.time;
-        let pressures = Pressures::of(state);
         let settled = averages.settled;
         let per_epoch = |amount: f64| amount / averages.duration;
         let wall_error = averages.wall_error.and_then(|error| pressures.wall(error));

@@ -17,7 +17,7 @@ use crate::observe::transport::{HEAT, STRESS, Transport};
 use crate::observe::velocities::Velocities;
 use crate::scene::Scene;
 use crate::scene::analysis::{self, Brownian, Enskog, Theory};
-use crate::scene::observe::{Name, Observe};
+use crate::scene::observe::{self, Name, Observe};
 use crate::snapshot::{Column, Figure, Observed, Units};
 use crate::state::{Placement, State};
 
@@ -40,6 +40,8 @@ const HYDRODYNAMIC: [f64; 2] = [5.0, 10.0];
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Plan {
     observe: Observe,
+    /// What cannot be observed here, and why.
+    refused: Vec<(Name, String)>,
     units: Units,
     /// Simulated time between two looks.
     every: f64,
@@ -73,11 +75,11 @@ pub struct Known {
 }
 
 impl Plan {
-    /// The plan of a placed scene; `None` if it asks for nothing.
+    /// The plan of a placed scene; `None` without balls.
     pub fn new(scene: &Scene, placement: &Placement) -> Option<Self> {
         let observe = scene.observe.clone();
         let ball_count = placement.positions.len();
-        if observe.chosen.is_empty() || ball_count == 0 {
+        if ball_count == 0 {
             return None;
         }
         let theory = Theory::new(placement, scene.units);
@@ -99,7 +101,15 @@ impl Plan {
             ball_count as f64 / (2.0 * rate)
         });
         let (groups, tracked) = groups(scene, placement);
+        let refused = |name: Name| {
+            let alone = Observe {
+                chosen: vec![name],
+                ..observe.clone()
+            };
+            Some((name, observe::refusal_of(scene, &alone)?))
+        };
         Some(Self {
+            refused: Name::ALL.into_iter().filter_map(refused).collect(),
             units: scene.units,
             every,
             enskog: Enskog::new(placement, scene.units),
@@ -121,33 +131,65 @@ impl Plan {
         self.every
     }
 
-    /// The observers, before the run.
-    pub fn observers(&self, state: &State) -> OnDemand {
-        let wanted = |name: Name| self.observe.chosen.contains(&name);
-        let units = state.units;
-        let velocities =
-            (wanted(Name::Flights) || wanted(Name::Transport)).then(|| Velocities::of(state));
-        OnDemand {
-            radial_distribution: wanted(Name::RadialDistribution)
-                .then(|| self.radial_distribution(state)),
-            density_profile: wanted(Name::DensityProfile).then(DensityProfile::default),
-            motion: wanted(Name::Motion)
-                .then(|| Motion::new(state, &self.tracked, self.groups.len())),
-            relaxation: wanted(Name::Relaxation).then(Relaxation::default),
-            flights: wanted(Name::Flights).then(|| {
-                Flights::new(
-                    state,
-                    self.flight[0] / units.length,
-                    self.flight[1] / units.time,
-                )
-            }),
-            transport: velocities
-                .as_ref()
-                .filter(|_| wanted(Name::Transport))
-                .map(|velocities| Transport::new(state, velocities)),
-            velocities,
-            ..OnDemand::default()
+    /// The observers of what the scene asks for, before the run; `None` if that is nothing.
+    pub fn observers(&self, state: &State) -> Option<OnDemand> {
+        let mut observers = None;
+        for &name in &self.observe.chosen {
+            self.switch(&mut observers, name, true, state)
+                .expect("a scene that asks for what cannot be observed is refused");
         }
+        observers
+    }
+
+    /// Observes something from the state's present on, or no more.
+    ///
+    /// # Errors
+    /// Why it cannot be observed.
+    pub fn switch(
+        &self,
+        observers: &mut Option<OnDemand>,
+        name: Name,
+        on: bool,
+        state: &State,
+    ) -> Result<(), String> {
+        let refused = self.refused.iter().find(|(refused, _)| *refused == name);
+        if let Some((_, why)) = refused.filter(|_| on) {
+            return Err(why.clone());
+        }
+        let now = state.units.scene_time(state.now);
+        let all = observers.get_or_insert_with(|| OnDemand {
+            looks: if now > 0.0 {
+                (now / self.every) as u64 + 1
+            } else {
+                0
+            },
+            ..OnDemand::default()
+        });
+        let units = state.units;
+        match name {
+            Name::RadialDistribution => {
+                all.radial_distribution = on.then(|| self.radial_distribution(state));
+            }
+            Name::DensityProfile => all.density_profile = on.then(DensityProfile::default),
+            Name::Motion => {
+                all.motion = on.then(|| Motion::new(state, &self.tracked, self.groups.len()));
+            }
+            Name::Relaxation => all.relaxation = on.then(Relaxation::default),
+            Name::Flights => {
+                let [path, time] = [self.flight[0] / units.length, self.flight[1] / units.time];
+                all.flights = on.then(|| Flights::new(state, path, time));
+            }
+            Name::Transport => {
+                all.transport = on.then(|| Transport::new(state, &Velocities::of(state)));
+            }
+        }
+        if all.flights.is_none() && all.transport.is_none() {
+            all.velocities = None;
+        } else if all.velocities.is_none() {
+            all.velocities = Some(Velocities::of(state));
+        }
+        observers.take_if(|all| all.is_idle());
+        Ok(())
     }
 
     fn radial_distribution(&self, state: &State) -> RadialDistribution {
@@ -214,7 +256,7 @@ impl Plan {
                 columns,
             })
         };
-        self.observe.chosen.iter().filter_map(named).collect()
+        Name::ALL.iter().filter_map(named).collect()
     }
 
     fn unit(&self, si: &str) -> String {

@@ -14,6 +14,9 @@ const GROWTH: f64 = 2.0;
 /// Wall time over which "lately" reaches back.
 const LATELY_S: f64 = 3.0;
 
+/// Wall time after which the usual rate of a run is known.
+const USUAL_S: f64 = 30.0;
+
 /// Wall time between two marks of the meter.
 const MARK_S: f64 = 0.25;
 
@@ -31,6 +34,27 @@ const FEWEST_BLOCKS: usize = 4;
 
 /// Half of the range, as a share of the rate, while there are fewer; and the widest later on.
 const VAGUE: f64 = 0.5;
+
+/// Mean of what was added since it was last taken.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Mean {
+    sum: f64,
+    count: u32,
+}
+
+impl Mean {
+    /// Adds a value.
+    pub fn add(&mut self, value: f64) {
+        self.sum += value;
+        self.count += 1;
+    }
+
+    /// The mean, if there is one; what comes next makes another.
+    pub fn take(&mut self) -> Option<f64> {
+        let Self { sum, count } = std::mem::take(self);
+        (count > 0).then(|| sum / f64::from(count))
+    }
+}
 
 /// Where a run was at a moment of its wall time.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -114,6 +138,14 @@ impl Meter {
                 (last.pair_collisions - first.pair_collisions) as f64 / span,
             )
         })
+    }
+
+    /// Pair collisions per wall second over the run at its present pace; `None` until that is known well.
+    pub fn usual_collision_rate(&self) -> Option<f64> {
+        let (first, last) = (self.course.first()?, self.course.last()?);
+        let span = last.wall_time - first.wall_time;
+        let pairs = last.pair_collisions - first.pair_collisions;
+        (span >= USUAL_S).then(|| pairs as f64 / span)
     }
 
     /// Wall seconds for `amount` of simulated time, low and high: from the rate over the newer half of the run at its present

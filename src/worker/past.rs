@@ -146,6 +146,7 @@ fn follow(
         directory: None,
         trajectory: None,
         checkpoint_every: Duration::MAX,
+        on_trouble: None,
         reversals: ahead.filter(|&turn| turn < time).collect(),
         program_start,
     };

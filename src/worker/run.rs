@@ -1,24 +1,27 @@
 //! The loop on the engine's thread.
 
+mod keep;
+mod tell;
+
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use super::echo::{EchoWatch, horizon};
-use super::measure::{self, Pictures, Pressures, Settled, Survey};
-use super::observables::Known;
-use super::pace::{Meter, Slices};
+use super::echo::EchoWatch;
+use super::measure::{self, Pictures, Pressures, Survey};
+use super::pace::{Mean, Meter, Slices};
 use super::past::Past;
 use super::saved::{Origin, SavedRun, Totals};
+use super::watchdog::Watchdog;
 use super::writer::Writer;
-use super::{Options, Slot};
+use super::{OnTrouble, Options, Slot};
 use crate::engine::{Engine, Stuck};
 use crate::feed::Command;
-use crate::history::{History, Observable, Stretch};
+use crate::history::History;
 use crate::observe::Observer;
 use crate::observe::on_demand::OnDemand;
-use crate::snapshot::{Expected, NamedBall, Observed, Phase, SeriesRow, Snapshot};
+use crate::snapshot::{NamedBall, ObservableName, Observed, Phase, Snapshot, Warning};
 use crate::state::{Placement, State};
 use crate::trajectory_file::{Frame, Recorder};
 
@@ -115,8 +118,17 @@ struct Run<'a> {
     /// Number of the next frame of the trajectory.
     next_frame: u64,
     phase: Phase,
+    /// Lengths of the queue since the last snapshot, and since the last stretch of the history.
+    queue: [Mean; 2],
     /// Simulated times at which time was reversed.
     reversals: Vec<f64>,
+    /// Simulated times that watchers have marked.
+    marks: Vec<f64>,
+    /// The newest warnings, and how many the log has had.
+    warnings: (Vec<Warning>, u64),
+    watchdog: Watchdog,
+    /// What the watchdog has found and nothing has been done about.
+    trouble: Option<String>,
     watched: bool,
     pictures: Pictures,
     limit: Option<f64>,
@@ -141,6 +153,29 @@ struct Run<'a> {
     published: Instant,
 }
 
+/// Why a run ends before its time.
+enum Stopped {
+    /// The engine cannot go on.
+    Stuck(Stuck),
+    /// What the watchdog has found.
+    Trouble(String),
+}
+
+impl From<Stuck> for Stopped {
+    fn from(stuck: Stuck) -> Self {
+        Self::Stuck(stuck)
+    }
+}
+
+impl Stopped {
+    fn words(self) -> String {
+        match self {
+            Self::Stuck(stuck) => stuck.to_string(),
+            Self::Trouble(words) => words,
+        }
+    }
+}
+
 /// Runs until the end, a stop or a failure; gives back the balls and their collisions.
 pub fn run(
     setting: &Setting,
@@ -163,7 +198,7 @@ pub fn run(
             );
             run.echo = EchoWatch::new(run.engine.state());
             let plan = setting.origin.plan.as_ref();
-            run.on_demand = plan.map(|plan| plan.observers(run.engine.state()));
+            run.on_demand = plan.and_then(|plan| plan.observers(run.engine.state()));
             run
         }
         Begin::Saved(saved) => {
@@ -181,6 +216,7 @@ pub fn run(
             run.last_row = saved.last_row;
             run.rows = saved.rows;
             run.reversals = saved.reversals;
+            run.marks = saved.marks;
             run.target = saved.time;
             run.limit_anchor.1 = saved.time;
             run.saved_at = Some(saved.time);
@@ -240,7 +276,12 @@ impl<'a> Run<'a> {
             rows: 0,
             next_frame: (setting.options.trajectory.as_ref()).map_or(0, Recorder::first),
             phase: Phase::Running,
+            queue: [Mean::default(); 2],
             reversals: Vec::new(),
+            marks: Vec::new(),
+            warnings: (Vec::new(), 0),
+            watchdog: Watchdog::default(),
+            trouble: None,
             watched: false,
             pictures: Pictures::default(),
             limit: None,
@@ -262,7 +303,7 @@ impl<'a> Run<'a> {
     fn go(&mut self) {
         loop {
             self.save_if_due();
-            self.show_past();
+            self.show_news();
             while let Ok(command) = self.inbox.try_recv() {
                 if self.obey(command).is_break() {
                     return;
@@ -276,8 +317,8 @@ impl<'a> Run<'a> {
                             self.phase = Phase::Finished;
                             return;
                         }
-                        Err(stuck) => {
-                            self.phase = Phase::Failed(stuck.to_string());
+                        Err(why) => {
+                            self.phase = Phase::Failed(why.words());
                             return;
                         }
                     }
@@ -297,8 +338,11 @@ impl<'a> Run<'a> {
     fn wait_for(&self) -> Option<Duration> {
         const LONG: Duration = Duration::from_secs(1);
         if self.phase == Phase::Paused {
-            let news = self.past.as_ref().is_some_and(Past::is_on_its_way);
-            return Some(if news { SNAPSHOT_EVERY } else { LONG });
+            return Some(if self.expects_news() {
+                SNAPSHOT_EVERY
+            } else {
+                LONG
+            });
         }
         let (since, from) = self.limit_anchor;
         let ahead = (self.time() - from) / self.limit? - since.elapsed().as_secs_f64();
@@ -339,11 +383,24 @@ impl<'a> Run<'a> {
                 }
                 self.save_if_due();
             }
+            Command::Mark(time) => self.mark(time),
             Command::Goto(time) => self.past = time.and_then(|time| self.go_back(time)),
             Command::Watch(watched) => self.watched = watched,
+            Command::Observe(name, on) => self.observe(name, on),
         }
         self.publish(None);
         ControlFlow::Continue(())
+    }
+
+    /// Observes something from now on, or no more.
+    fn observe(&mut self, name: ObservableName, on: bool) {
+        let Some(plan) = &self.setting.origin.plan else {
+            return;
+        };
+        self.engine.settle();
+        let switched = plan.switch(&mut self.on_demand, name, on, self.engine.state());
+        self.notice = switched.err();
+        self.evaluate_observables();
     }
 
     /// Simulated time: what was asked for, where the engine has got there.
@@ -357,7 +414,7 @@ impl<'a> Run<'a> {
     }
 
     /// Runs one slice; breaks when the end of the run is reached.
-    fn slice(&mut self) -> Result<ControlFlow<()>, Stuck> {
+    fn slice(&mut self) -> Result<ControlFlow<()>, Stopped> {
         let began = Instant::now();
         let time = self.time();
         let sample = self.setting.origin.card.sample;
@@ -377,6 +434,10 @@ impl<'a> Run<'a> {
         let target = stops.into_iter().flatten().fold(time + length, f64::min);
         self.target = target;
         self.run_to(target)?;
+        let queue_length = self.engine.queue_length() as f64;
+        self.queue
+            .iter_mut()
+            .for_each(|mean| mean.add(queue_length));
         let spent = began.elapsed();
         self.slices.learn(self.time() - time, spent);
         self.meter
@@ -424,6 +485,19 @@ impl<'a> Run<'a> {
         if self.published.elapsed() >= SNAPSHOT_EVERY {
             self.publish(None);
         }
+        if let Some(trouble) = self.trouble.take() {
+            match self.setting.options.on_trouble.unwrap_or_default() {
+                OnTrouble::Ignore => {}
+                OnTrouble::Pause => {
+                    self.phase = Phase::Paused;
+                    self.publish(None);
+                }
+                OnTrouble::Checkpoint => self.checkpoint_due = Instant::now(),
+                OnTrouble::Stop => {
+                    return Err(Stopped::Trouble(format!("{trouble} (--on-trouble stop)")));
+                }
+            }
+        }
         Ok(ControlFlow::Continue(()))
     }
 
@@ -456,120 +530,6 @@ impl<'a> Run<'a> {
         }
         self.reversals.push(self.time());
         self.echo.turn(self.time());
-    }
-
-    /// Starts on the way to a past moment, if there is one and a checkpoint before it.
-    fn go_back(&mut self, time: f64) -> Option<Past> {
-        let refuse = |run: &mut Self, why: &str| {
-            run.notice = Some(format!("no way back: {why}"));
-            None
-        };
-        if !(0.0..=self.time()).contains(&time) {
-            return refuse(self, "the run has not been there");
-        }
-        let Some(directory) = self.setting.options.directory.clone() else {
-            return refuse(self, "the run has no directory for checkpoints");
-        };
-        self.notice = None;
-        Some(Past::start(
-            directory,
-            time,
-            &self.slot.get(),
-            self.reversals.clone(),
-        ))
-    }
-
-    /// Publishes what has become of the past, while the run itself has no news.
-    fn show_past(&mut self) {
-        let shown = self.slot.get();
-        let news = |past: &Past| {
-            let latest = past.latest();
-            (shown.past.as_ref()).is_none_or(|shown| shown.sequence != latest.sequence)
-        };
-        if self.published.elapsed() >= SNAPSHOT_EVERY && self.past.as_ref().is_some_and(news) {
-            self.publish(None);
-        }
-    }
-
-    /// Share of the pressure that its standard error is.
-    fn pressure_error(&self) -> Option<f64> {
-        let pressure = Settled::of(self.engine.state(), &self.observer).pressure;
-        let value = pressure
-            .wall
-            .or(pressure.virial)
-            .filter(|value| *value > 0.0);
-        value
-            .zip(pressure.standard_error)
-            .map(|(value, error)| error / value)
-    }
-
-    /// Wall seconds until the standard error of the pressure, now `error`, is `wanted`: it falls with the root of the time.
-    fn time_to_error(&self, error: Option<f64>) -> Option<(f64, f64)> {
-        let share = error? / self.setting.options.until_error?;
-        let missing = (self.time() * (share * share - 1.0)).max(0.0);
-        let (low, high) = self.meter.time_for(missing)?;
-        // An error from some sixty blocks is itself known to a tenth, its square to a fifth.
-        Some((0.8 * low, 1.25 * high))
-    }
-
-    /// Writes a checkpoint, if one is due and the one before is on the disk.
-    fn save_if_due(&mut self) {
-        let time = self.time();
-        if Instant::now() < self.checkpoint_due || self.writer.as_ref().is_none_or(Writer::is_busy)
-        {
-            return;
-        }
-        self.checkpoint_due = self.setting.next_checkpoint();
-        if self.saved_at == Some(time) {
-            return; // nothing has happened since
-        }
-        self.saved_at = Some(time);
-        self.engine.settle();
-        let run = self.save();
-        if let Some(writer) = &mut self.writer {
-            writer.write(run);
-        }
-    }
-
-    /// The last checkpoint; waits until it is on the disk.
-    fn save_at_the_end(&mut self) {
-        let Some(mut writer) = self.writer.take() else {
-            return;
-        };
-        // A gas that got stuck is of no use, and one of another time is safe.
-        if self.saved_at != Some(self.time()) && !matches!(self.phase, Phase::Failed(_)) {
-            self.engine.settle();
-            writer.write(self.save());
-        }
-        writer.finish();
-        self.writer = Some(writer);
-    }
-
-    fn save(&self) -> SavedRun {
-        let state = self.engine.state().clone();
-        SavedRun {
-            origin: Arc::clone(&self.setting.origin),
-            engine: self.setting.options.engine,
-            until: self.setting.options.until,
-            time: self.time(),
-            wall_time_s: self.meter.wall_time(),
-            time_rate: self.meter.rates().map(|(rate, _)| rate),
-            kinetic_energy: state.kinetic_energy(),
-            state,
-            saved: self.engine.save(),
-            observer: self.observer.clone(),
-            on_demand: self.on_demand.clone(),
-            pressures: self.pressures,
-            echo: self.echo.clone(),
-            meter: self.meter.clone(),
-            history: Arc::clone(&self.history),
-            last_point: self.last_point,
-            last_row: self.last_row,
-            rows: self.rows,
-            trajectory: (self.setting.options.trajectory.as_ref())
-                .and_then(|trajectory| trajectory.mark(self.next_frame)),
-            reversals: self.reversals.clone(),
-        }
     }
 
     fn reversed(&self) -> bool {
@@ -607,251 +567,5 @@ impl<'a> Run<'a> {
             self.engine.settle();
             on_demand.look(self.engine.state());
         }
-    }
-
-    /// Makes figures and tables of what the observers on demand have found.
-    fn evaluate_observables(&mut self) {
-        let Some((plan, on_demand)) = self
-            .setting
-            .origin
-            .plan
-            .as_ref()
-            .zip(self.on_demand.as_ref())
-        else {
-            return;
-        };
-        let began = Instant::now();
-        let state = self.engine.state();
-        let settled = Settled::of(state, &self.observer);
-        let balls = self.setting.origin.card.ball_count as f64;
-        let volume: f64 = self.setting.origin.card.size.iter().product();
-        let energy = self.survey.thermal_energy.map(|energy| balls * energy);
-        let bulk = settled
-            .pressure
-            .virial
-            .filter(|_| settled.pressure.wall.is_none());
-        let known = Known {
-            temperature: self.temperature(),
-            collision_rate: (settled.pair_rate)
-                .map(|rate| 2.0 * rate / balls)
-                .filter(|rate| *rate > 0.0),
-            compressibility_factor: bulk
-                .zip(energy)
-                .map(|(pressure, energy)| pressure * volume / energy),
-        };
-        self.observables = Arc::new(plan.results(on_demand, state, known));
-        self.observables_due = Instant::now() + survey_pause(began.elapsed());
-    }
-
-    fn look_at_every_ball(&mut self) {
-        let began = Instant::now();
-        self.engine.settle();
-        self.survey = Survey::of(self.engine.state(), &self.observer);
-        self.survey_due = Instant::now() + survey_pause(began.elapsed());
-    }
-
-    fn totals(&self) -> Totals {
-        let counters = self.engine.counters();
-        Totals {
-            time: self.time(),
-            wall_impulse: self.observer.ledger.wall_impulse(),
-            pair_virial: self.observer.ledger.pair_virial(),
-            pair_collisions: counters.pair_collisions,
-            wall_collisions: counters.wall_collisions,
-        }
-    }
-
-    /// Wall and virial pressure between two moments, as far as the scene has them.
-    fn pressures_between(&self, from: Totals, to: Totals) -> (Option<f64>, Option<f64>) {
-        let epochs = (to.time - from.time) / self.engine.state().units.time;
-        if epochs <= 0.0 {
-            return (None, None);
-        }
-        let wall = (to.wall_impulse - from.wall_impulse) / epochs;
-        let virial = (to.pair_virial - from.pair_virial) / epochs;
-        (self.pressures.wall(wall), self.pressures.virial(virial))
-    }
-
-    fn write_row(&mut self) {
-        let totals = self.totals();
-        let pressures = self.pressures_between(self.last_row, totals);
-        self.last_row = totals;
-        let counters = self.engine.counters();
-        let row = SeriesRow {
-            time: totals.time,
-            wall_time_s: self.meter.wall_time(),
-            temperature: self.temperature(),
-            pressure_wall: pressures.0,
-            pressure_virial: pressures.1,
-            pair_collisions: counters.pair_collisions,
-            wall_collisions: counters.wall_collisions,
-            queue_length: self.engine.queue_length() as u64,
-            max_overlap: self.observer.max_overlap,
-            energy_drift: self.survey.energy_drift,
-        };
-        if let Some(series) = &self.setting.options.series {
-            // Whoever wrote the series has gone; the run goes on.
-            let _ = series.send(row);
-        }
-    }
-
-    fn write_history(&mut self) {
-        let (last, wall_before) = self.last_point;
-        let totals = self.totals();
-        let wall_time = self.meter.wall_time();
-        self.last_point = (totals, wall_time);
-        let span = totals.time - last.time;
-        if !(span > 0.0) {
-            return;
-        }
-        let counters = self.engine.counters();
-        let survey = &self.survey;
-        let (wall, virial) = self.pressures_between(last, totals);
-        let pairs = (totals.pair_collisions - last.pair_collisions) as f64;
-        let walls = (totals.wall_collisions - last.wall_collisions) as f64;
-        let speeds = survey.speeds.as_deref();
-        let stretch = Stretch::new(last.time, totals.time, wall_time)
-            .with(Observable::Temperature, self.temperature())
-            .with(Observable::PressureWall, wall)
-            .with(Observable::PressureVirial, virial)
-            .with(
-                Observable::CompressibilityFactor,
-                self.compressibility_factor(wall.or(virial)),
-            )
-            .with(Observable::PairRate, Some(pairs / span))
-            .with(Observable::WallRate, Some(walls / span))
-            .with(Observable::EnergyDrift, survey.energy_drift)
-            .with(Observable::MomentumDrift, survey.momentum_drift)
-            .with(Observable::VirialResidual, survey.virial_residual)
-            .with(Observable::MaxOverlap, self.observer.max_overlap)
-            .with(
-                Observable::SpeedDeviation,
-                speeds.map(|speeds| speeds.ks / speeds.ks_critical),
-            )
-            .with(
-                Observable::QueueLength,
-                (counters.queue_length_max > 0).then(|| self.engine.queue_length() as f64),
-            )
-            .with(Observable::Speed, Some(pairs / (wall_time - wall_before)))
-            .with(
-                Observable::Memory,
-                measure::resident_memory().map(|bytes| bytes as f64),
-            );
-        Arc::make_mut(&mut self.history).push(stretch);
-    }
-
-    /// `P V / (N k T)`, for a pressure.
-    fn compressibility_factor(&self, pressure: Option<f64>) -> Option<f64> {
-        let [x, y, z] = self.setting.origin.card.size;
-        let balls = self.setting.origin.card.ball_count as f64;
-        pressure
-            .zip(self.survey.thermal_energy)
-            .map(|(p, energy)| p * x * y * z / (balls * energy))
-    }
-
-    fn temperature(&self) -> Option<f64> {
-        self.survey
-            .thermal_energy
-            .map(|energy| energy / self.setting.origin.card.units.boltzmann())
-    }
-
-    /// Sees where the named balls are, unless that would cost too much wall time.
-    fn look_closer(&mut self) {
-        let named = &self.setting.origin.named;
-        if named.is_empty() || Instant::now() < self.closer_look_due {
-            return;
-        }
-        let began = Instant::now();
-        self.engine.settle();
-        self.closer_look_due = began + began.elapsed().div_f64(CLOSER_LOOK_SHARE);
-        let (state, time) = (self.engine.state(), self.time());
-        let temperature = self.temperature().filter(|_| !self.reversed());
-        self.named = named
-            .iter()
-            .map(|ball| ball.at(state, temperature, time))
-            .collect();
-    }
-
-    fn publish(&mut self, state_hash: Option<u64>) {
-        self.look_closer();
-        let running = self.phase == Phase::Running;
-        let sample = self.watched.then(|| {
-            let (engine, setting) = (&mut self.engine, self.setting);
-            (self.pictures).sample(running, || {
-                engine.settle();
-                measure::sample(engine.state(), &setting.sampled, &setting.names)
-            })
-        });
-        self.sequence += 1;
-        self.published = Instant::now();
-        let card = &self.setting.origin.card;
-        let state = self.engine.state();
-        let counters = self.engine.counters();
-        let settled = Settled::of(state, &self.observer);
-        let balls = card.ball_count as f64;
-        let time = self.time();
-        let temperature = self.temperature();
-        let rates = self.meter.rates().filter(|_| self.phase == Phase::Running);
-        let pair_rate = settled.pair_rate.filter(|_| counters.pair_collisions > 0);
-        let pressure_error = self.pressure_error();
-        let pressure = settled.pressure.wall.or(settled.pressure.virial);
-        self.slot.put(Snapshot {
-            sequence: self.sequence,
-            phase: self.phase.clone(),
-            reversed: self.reversed(),
-            time,
-            wall_time_s: self.meter.wall_time(),
-            setup_time_s: Some(self.setup_time_s),
-            time_rate: rates.map(|(rate, _)| rate),
-            time_rate_limit: self.limit,
-            collisions_per_wall_second: rates.map(|(_, rate)| rate),
-            time_left_s: self
-                .setting
-                .options
-                .until
-                .and_then(|until| self.meter.time_for(until - time)),
-            until_error: self.setting.options.until_error,
-            pressure_error,
-            error_left_s: self.time_to_error(pressure_error),
-            counts: measure::counts(&counters),
-            temperature,
-            kinetic_energy: self.survey.kinetic_energy,
-            pressure: settled.pressure,
-            compressibility_factor: self.compressibility_factor(pressure),
-            collision_rate: pair_rate.map(|rate| 2.0 * rate / balls),
-            pair_rate,
-            wall_rate: settled.wall_rate,
-            mean_free_path: pair_rate
-                .zip(self.survey.mean_speed)
-                .map(|(rate, speed)| balls * speed / (2.0 * rate)),
-            expected: temperature.map_or_else(Expected::default, |temperature| {
-                self.setting.origin.theory.at(temperature)
-            }),
-            energy_drift: self.survey.energy_drift,
-            momentum_drift: self.survey.momentum_drift,
-            virial_residual: self.survey.virial_residual,
-            max_overlap: self.observer.max_overlap,
-            echo: self.echo.at(time),
-            echo_horizon: horizon(
-                card.packing_fraction,
-                pair_rate.map_or(0.0, |rate| 2.0 * rate / balls),
-            )
-            .filter(|_| !matches!(self.engine.name(), "reversible" | "statistical")),
-            speeds: self.survey.speeds.clone(),
-            queue_length: self.engine.queue_length() as u64,
-            queue_length_max: counters.queue_length_max,
-            past: self.past.as_ref().map(Past::latest),
-            last_checkpoint: self.writer.as_ref().and_then(Writer::written),
-            notice: (self.writer.as_ref().and_then(Writer::trouble))
-                .or_else(|| self.setting.options.trajectory.as_ref()?.trouble())
-                .or_else(|| self.notice.clone()),
-            peak_rss_bytes: measure::peak_memory(),
-            state_hash,
-            named: self.named.clone(),
-            observables: Arc::clone(&self.observables),
-            history: Arc::clone(&self.history),
-            sample,
-            ..self.setting.first_snapshot()
-        });
     }
 }

@@ -86,6 +86,8 @@ pub struct SavedRun {
     pub trajectory: Option<Mark>,
     /// Simulated times at which time was reversed.
     pub(super) reversals: Vec<f64>,
+    /// Simulated times that watchers have marked.
+    pub(super) marks: Vec<f64>,
 }
 
 impl Origin {

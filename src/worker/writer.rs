@@ -14,6 +14,7 @@ use crate::checkpoint;
 struct Progress {
     busy: bool,
     written: Option<f64>,
+    count: u64,
     trouble: Option<String>,
 }
 
@@ -47,6 +48,7 @@ impl Writer {
                     Ok(time) => {
                         tracing::info!(time, "checkpoint");
                         (progress.written, progress.trouble) = (Some(time), None);
+                        progress.count += 1;
                     }
                     Err(error) => {
                         tracing::warn!("checkpoint: {error}");
@@ -69,6 +71,11 @@ impl Writer {
     /// Simulated time of the newest checkpoint on the disk.
     pub fn written(&self) -> Option<f64> {
         lock(&self.progress).written
+    }
+
+    /// How many have been written.
+    pub fn count(&self) -> u64 {
+        lock(&self.progress).count
     }
 
     /// Why the newest checkpoint is not on the disk, if it could not be written.

@@ -1,5 +1,6 @@
 //! Runs that outlive their terminals: real processes in pseudo-terminals.
 
+mod bytes;
 mod matrix;
 mod terminal;
 
@@ -170,6 +171,73 @@ fn the_run_ends_in_good_order_after_a_signal_and_its_watchers_say_so() {
             format!("{code} signal {}\n", code - 128)
         );
     }
+}
+
+#[test]
+fn a_signal_and_a_key_ask_for_a_checkpoint() {
+    let runs = Runs::new();
+    let terminal = watched(&runs);
+    let file = runs.path().join("moltop").join(RUN).join("checkpoint");
+    let written = || {
+        std::fs::metadata(&file)
+            .and_then(|file| file.modified())
+            .ok()
+    };
+    wait_until("the first checkpoint", || written().is_some(), String::new);
+    let before = written();
+    kill_process(pid_of(&runs, RUN), Signal::USR1).expect("it runs");
+    wait_until("a newer one", || written() > before, String::new);
+    runs.output(&["pause", RUN]);
+    let before = written();
+    terminal.press("c");
+    terminal.wait_for("is on the disk");
+    wait_until("one more", || written() > before, String::new);
+    check_stops(&runs);
+}
+
+#[test]
+fn marks_outlive_their_watcher_and_the_past_is_beside_the_run() {
+    let runs = Runs::new();
+    let mut terminal = watched(&runs);
+    check_goes_on(&runs);
+    terminal.press("m");
+    terminal.wait_for("mark 1 at");
+    terminal.press("g50%\r");
+    terminal.wait_for("the past at");
+    check_goes_on(&runs);
+    terminal.press("0");
+    terminal.wait_for("● running");
+    terminal.press("d");
+    terminal.wait();
+    let mut again = Terminal::start(&mut runs.moltop(&["attach"]), 80, 24);
+    again.wait_for("running");
+    again.press("m");
+    again.wait_for("mark 2 at");
+    again.press("d");
+    again.wait();
+    check_stops(&runs);
+}
+
+#[test]
+fn runs_that_have_ended_are_removed_and_no_others() {
+    let runs = Runs::new();
+    runs.output(&["run", SCENE, "--until", "1"]);
+    runs.output(&["run", SCENE, "--until", "1", "--run-dir", "elsewhere"]);
+    let mut terminal = watched(&runs);
+    let kept = "512-balls-3";
+    let (words, code) = runs.refused(&["clean", kept, "--yes"]);
+    assert!(words.contains("is going on") && code == Some(2), "{words}");
+    let (words, code) = runs.refused(&["clean"]);
+    assert!(words.contains("--yes") && code == Some(2), "{words}");
+    runs.output(&["clean", "--older-than", "1day", "--yes"]);
+    assert_eq!(runs.output(&["list"]).lines().count(), 4);
+    runs.output(&["clean", "--yes"]);
+    assert!(!runs.path().join("moltop").join(RUN).exists());
+    assert!(runs.path().join("elsewhere/summary.json").exists());
+    let left = runs.output(&["list"]);
+    assert!(left.lines().count() == 2 && left.contains(kept), "{left}");
+    terminal.press("qy");
+    terminal.wait();
 }
 
 #[test]

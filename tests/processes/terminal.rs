@@ -4,7 +4,7 @@ use std::num::NonZero;
 use std::os::fd::{AsFd, OwnedFd};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -17,9 +17,12 @@ use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
 /// Longest wait for anything; machines that build at the same time are slow.
 pub const LONG: Duration = Duration::from_secs(30);
 
-/// The question that a terminal answers when it has come to it, and the answer. Source: ECMA-48, device status report.
-const QUESTION: &[u8] = b"\x1b[5n";
-const ANSWER: &[u8] = b"\x1b[0n";
+/// The question that a terminal answers when it has come to it, and an answer. Source: ECMA-48, device status report.
+const QUESTION: &[u8] = b"\x1b[6n";
+const ANSWER: &[u8] = b"\x1b[1;1R";
+
+/// Times a second that a line of a limited speed is read.
+const READS: usize = 50;
 
 /// A terminal and what runs in it.
 pub struct Terminal {
@@ -34,6 +37,10 @@ struct State {
     bytes: Mutex<Vec<u8>>,
     /// Whether somebody reads at the other end of the line.
     reads: AtomicBool,
+    /// Whether it answers the question that ends each frame.
+    answers: AtomicBool,
+    /// Bytes per second that the line carries; 0 for as many as come.
+    line: AtomicUsize,
     closed: AtomicBool,
 }
 
@@ -89,6 +96,8 @@ impl Terminal {
             parser: Mutex::new(vt100::Parser::new(nonzero(rows), nonzero(columns), 0)),
             bytes: Mutex::default(),
             reads: AtomicBool::new(true),
+            answers: AtomicBool::new(true),
+            line: AtomicUsize::new(0),
             closed: AtomicBool::new(false),
         });
         let master = Arc::new(master);
@@ -174,6 +183,24 @@ impl Terminal {
         self.state.reads.store(reads, Ordering::SeqCst);
     }
 
+    /// Whether the terminal answers the question that ends each frame.
+    pub fn answer(&self, answers: bool) {
+        self.state.answers.store(answers, Ordering::SeqCst);
+    }
+
+    /// Lets the line carry so many bytes per second.
+    pub fn carry(&self, bytes_per_second: usize) {
+        self.state.line.store(bytes_per_second, Ordering::SeqCst);
+    }
+
+    /// Bytes up to the end of the first frame.
+    pub fn first_paint(&self) -> usize {
+        const END: &[u8] = b"\x1b[?2026l";
+        let bytes = self.bytes();
+        let end = bytes.windows(END.len()).position(|part| part == END);
+        end.expect("a frame") + END.len()
+    }
+
     /// Hangs up.
     pub fn close(&mut self) {
         self.state.closed.store(true, Ordering::SeqCst);
@@ -222,7 +249,7 @@ fn nonzero(value: u16) -> NonZero<u16> {
 }
 
 fn read(master: &OwnedFd, state: &State) {
-    let mut bytes = [0; 4096];
+    let mut room = [0; 4096];
     while !state.closed.load(Ordering::SeqCst) {
         let mut fds = [PollFd::from_borrowed_fd(master.as_fd(), PollFlags::IN)];
         let pause = Timespec {
@@ -237,17 +264,30 @@ fn read(master: &OwnedFd, state: &State) {
             }
             continue;
         }
-        let Ok(count) = rustix::io::read(master, &mut bytes) else {
+        let line = state.line.load(Ordering::SeqCst);
+        let most = match line {
+            0 => room.len(),
+            line => (line / READS).clamp(1, room.len()),
+        };
+        let Ok(count) = rustix::io::read(master, &mut room[..most]) else {
             continue;
         };
-        let bytes = &bytes[..count];
+        if line > 0 {
+            thread::sleep(Duration::from_secs(1) / READS as u32);
+        }
+        let bytes = &room[..count];
         state.parser.lock().expect("whole").process(bytes);
-        state.bytes.lock().expect("whole").extend_from_slice(bytes);
-        for _ in bytes
-            .windows(QUESTION.len())
-            .filter(|window| *window == QUESTION)
-        {
-            let _ = rustix::io::write(master, ANSWER);
+        let mut all = state.bytes.lock().expect("whole");
+        // The question may come in two parts.
+        let before = all.len().saturating_sub(QUESTION.len() - 1);
+        all.extend_from_slice(bytes);
+        let questions = all[before..].windows(QUESTION.len());
+        let asked = questions.filter(|part| *part == QUESTION).count();
+        drop(all);
+        if state.answers.load(Ordering::SeqCst) {
+            for _ in 0..asked {
+                let _ = rustix::io::write(master, ANSWER);
+            }
         }
     }
 }

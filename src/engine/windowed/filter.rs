@@ -8,14 +8,8 @@
 
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
-use super::grid::Entry;
 use super::pieces::Line;
-
-/// Columns are padded to a multiple of the widest vectors.
-const LANES: usize = 16;
-
-/// A coordinate that nothing comes near to, whose square still is a number.
-const FAR: f32 = 1e15;
+use super::sheet::{LANES, Sheet};
 
 /// Share of `|r|^2 |v|^2` by which f32 rounding can change `(r . v)^2 - |v|^2 |r|^2`: some twenty roundings of 2^-24 each at
 /// the most, with a margin.
@@ -24,14 +18,10 @@ const ROUNDING: f64 = 2.5e-6;
 /// Rounding of the times `r . v / v^2`, as a share of `|r| / |v|`: some four roundings of 2^-24, with a margin.
 const TIME_ROUNDING: f32 = 1e-6;
 
-/// The pieces of a cell, as columns.
+/// The filter.
 #[derive(Clone, Debug)]
 pub struct Filter {
     machine: Arch,
-    /// `x, y, z` relative to the cell's centre and the velocity's `x, y, z`.
-    columns: [Vec<f32>; 6],
-    /// What is listed in each row.
-    entries: Vec<Entry>,
     /// Vectors with hits: row, chunk of columns, lanes.
     hits: Vec<u64>,
     margins: Margins,
@@ -59,8 +49,6 @@ impl Default for Filter {
     fn default() -> Self {
         Self {
             machine: Arch::new(),
-            columns: Default::default(),
-            entries: Vec::new(),
             hits: Vec::new(),
             margins: Margins::default(),
             off_middle: 0.0,
@@ -107,43 +95,16 @@ impl Filter {
         self.margins.fastest
     }
 
-    /// Begins a cell with these pieces; `place` gives where each of them is relative to the cell's centre, and its velocity.
-    #[inline(always)]
-    pub fn begin_cell(&mut self, entries: &[Entry], place: impl Fn(Entry) -> [f32; 6]) {
-        self.entries.clear();
-        self.entries.extend_from_slice(entries);
-        let count = entries.len();
-        let room = count.next_multiple_of(LANES);
-        if self.columns[0].len() < room {
-            self.columns
-                .iter_mut()
-                .for_each(|column| column.resize(room, 0.0));
-        }
-        let [x, y, z, u, v, w] = self.columns.each_mut().map(|column| &mut column[..room]);
-        for (row, &entry) in entries.iter().enumerate() {
-            [x[row], y[row], z[row], u[row], v[row], w[row]] = place(entry);
-        }
-        for row in count..room {
-            (x[row], y[row], z[row]) = (FAR, FAR, FAR);
-            (u[row], v[row], w[row]) = (0.0, 0.0, 0.0);
-        }
-    }
-
-    /// What is listed in a row.
-    pub fn entry(&self, row: u32) -> Entry {
-        self.entries[row as usize]
-    }
-
-    /// Appends to `pairs` each pair of a piece from row `first` on and a piece before it that can meet in the cell in the
-    /// window, the later row first.
-    pub fn find(&mut self, first: usize, pairs: &mut Vec<(u32, u32)>) {
-        let count = self.entries.len();
+    /// Appends to `pairs` each pair of a piece of a cell from row `first` on and a piece before it that can meet in the cell in
+    /// the window, the later row first.
+    pub fn find(&mut self, sheet: &Sheet, first: usize, pairs: &mut Vec<(u32, u32)>) {
+        let (columns, count) = (sheet.columns(), sheet.count());
         let most = (count - first.min(count)) * count.div_ceil(LANES) + 1;
         if self.hits.len() < most {
             self.hits.resize(most, 0);
         }
         let found = self.machine.dispatch(Find {
-            columns: self.columns.each_ref().map(|column| &column[..]),
+            columns,
             first,
             count,
             contact_squared: self.contact_squared,
@@ -155,7 +116,7 @@ impl Filter {
             while lanes != 0 {
                 let other = chunk * LANES as u32 + lanes.trailing_zeros();
                 lanes &= lanes - 1;
-                if other < row && self.can_meet_here(row as usize, other as usize) {
+                if other < row && self.can_meet_here(columns, row as usize, other as usize) {
                     pairs.push((row, other));
                 }
             }
@@ -164,8 +125,8 @@ impl Filter {
 
     /// Whether two pieces whose lines touch may do so within the window and within the cell. In doubt they may.
     #[inline(always)]
-    fn can_meet_here(&self, row: usize, other: usize) -> bool {
-        let [x, y, z, u, v, w] = &self.columns;
+    fn can_meet_here(&self, columns: [&[f32]; 6], row: usize, other: usize) -> bool {
+        let [x, y, z, u, v, w] = columns;
         let apart = [x[row] - x[other], y[row] - y[other], z[row] - z[other]];
         let velocity = [u[row] - u[other], v[row] - v[other], w[row] - w[other]];
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

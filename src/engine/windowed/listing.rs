@@ -1,7 +1,7 @@
 //! Lists a region's flights in the cells that they pass in a window: the pass that reads every ball.
 //!
 //! Flights are taken in blocks. What cells a straight path touches is found for all flights of a block at once, without
-//! branches, if it reaches into at most two cells along each axis; the few others, and those that may meet a wall, a plane or
+//! branches, if it reaches into at most three cells along each axis; the few others, and those that may meet a wall, a plane or
 //! a face, are put aside.
 
 use pulp::{Arch, Simd, WithSimd};
@@ -14,11 +14,17 @@ use super::region::Passage;
 /// Flights in a block.
 const BLOCK: usize = 64;
 
-/// Bit of a path that reaches into more than two cells along an axis; the bits below it stand for cells.
-const WIDE: u32 = 1 << 8;
+/// Most cells along an axis that are told apart.
+const SPAN: usize = 3;
+
+/// Bit of a path that reaches into more cells than that along an axis; the bits below it stand for cells.
+const WIDE: u32 = 1 << CUBE;
+
+/// Cells of which a path may touch each.
+const CUBE: usize = SPAN * SPAN * SPAN;
 
 /// Bit of a path that may meet what bounds the domain.
-const NEAR_BOUNDARY: u32 = 1 << 9;
+const NEAR_BOUNDARY: u32 = WIDE << 1;
 
 /// Added to a small whole number, it leaves the number in the low bits.
 const WHOLE: f32 = 8_388_608.0;
@@ -79,7 +85,7 @@ struct Block {
     position: [[f32; BLOCK]; 3],
     velocity: [[f32; BLOCK]; 3],
     radius: [f32; BLOCK],
-    /// Which of the eight cells from the lowest on are touched; or why that is not known.
+    /// Which of the cells from the lowest on are touched; or why that is not known.
     touched: [u32; BLOCK],
     /// Number of the lowest place.
     place: [u32; BLOCK],
@@ -134,11 +140,10 @@ impl<'f> WithSimd for Listing<'_, 'f> {
             place: [0; BLOCK],
         };
         let targets = &self.gas.grid.targets[..];
-        let offsets: [u32; 8] = std::array::from_fn(|bit| {
-            (0..3)
-                .filter(|axis| bit >> axis & 1 == 1)
-                .map(|axis| bounds.strides[axis])
-                .sum()
+        let [stride_x, stride_y, stride_z] = bounds.strides;
+        let offsets: [u32; 32] = std::array::from_fn(|bit| {
+            let step = |per: usize| (bit / per % SPAN) as u32;
+            step(SPAN * SPAN) * stride_x + step(SPAN) * stride_y + step(1) * stride_z
         });
         let cells = self.lists.cells();
         let mut first = self.first as u32;
@@ -181,7 +186,7 @@ impl<'f> WithSimd for Listing<'_, 'f> {
                 while touched != 0 {
                     let bit = touched.trailing_zeros() as usize;
                     touched &= touched - 1;
-                    let target = targets[(block.place[lane] + offsets[bit & 7]) as usize];
+                    let target = targets[(block.place[lane] + offsets[bit]) as usize];
                     let (cell, entry) =
                         (piece_of(target) as usize, id | (target - piece_of(target)));
                     debug_assert!(image_of(target) < 27);
@@ -202,26 +207,25 @@ impl<'f> WithSimd for Listing<'_, 'f> {
 #[inline(always)]
 fn touch(block: &mut Block, bounds: &Bounds) {
     for lane in 0..BLOCK {
-        // As shares of the path: when the lower and the upper of two cells along an axis are entered and left.
-        let (mut enter, mut leave) = ([[0.0_f32; 2]; 3], [[0.0_f32; 2]; 3]);
+        // As shares of the path: when each of the cells along an axis is entered and left.
+        let (mut enter, mut leave) = ([[0.0_f32; SPAN]; 3], [[0.0_f32; SPAN]; 3]);
         let mut touched = 0;
         let mut place = 0;
         let reach = block.radius[lane] + bounds.slack;
         for axis in 0..3 {
             let (from, way) = (block.position[axis][lane], block.velocity[axis][lane]);
             let to = from + way;
-            let (low, high) = if way < 0.0 { (to, from) } else { (from, to) };
+            let back = way < 0.0;
+            let (low, high) = if back { (to, from) } else { (from, to) };
             let lower = floor(low - reach, bounds.per_edge[axis]);
-            let lower = if lower < bounds.lowest {
-                bounds.lowest
-            } else {
-                lower
-            };
+            let lower = max(lower, bounds.lowest);
             let upper = floor(high + reach, bounds.per_edge[axis]);
-            let highest = bounds.highest[axis];
-            let upper = if upper > highest { highest } else { upper };
-            let two = upper > lower;
-            touched |= if upper - lower > 1.5 { WIDE } else { 0 };
+            let upper = min(upper, bounds.highest[axis]);
+            touched |= if upper - lower > SPAN as f32 - 0.5 {
+                WIDE
+            } else {
+                0
+            };
             let margin = block.radius[lane] * bounds.hard;
             let (least, most) = bounds.inside[axis];
             touched |= if low < least + margin || high > most - margin {
@@ -231,25 +235,36 @@ fn touch(block: &mut Block, bounds: &Bounds) {
             };
             place += ((lower + 1.0 + WHOLE).to_bits() & 0xffff) * bounds.strides[axis];
 
-            let face = upper * bounds.edges[axis];
+            // The path begins and ends in the outermost cells, or beyond the last there are and near a boundary.
             let per_way = 1.0 / if way.abs() < 1e-30 { 1e-30 } else { way };
-            let near = (face - reach - from) * per_way;
-            let far = (face + reach - from) * per_way;
-            let back = way < 0.0;
-            enter[axis][0] = if two & back { far } else { -1.0 };
-            leave[axis][0] = if two & !back { far } else { 2.0 };
-            enter[axis][1] = if two {
-                if back { -1.0 } else { near }
+            let face = (lower + 1.0) * bounds.edges[axis] - from;
+            let next_face = face + bounds.edges[axis];
+            let near = [(face - reach) * per_way, (next_face - reach) * per_way];
+            let far = [(face + reach) * per_way, (next_face + reach) * per_way];
+            enter[axis] = if back {
+                [far[0], far[1], -1.0]
             } else {
-                3.0
+                [-1.0, near[0], near[1]]
             };
-            leave[axis][1] = if back { near } else { 2.0 };
+            leave[axis] = if back {
+                [2.0, near[0], near[1]]
+            } else {
+                [far[0], far[1], 2.0]
+            };
+            let cells = upper - lower;
+            enter[axis][1] = if cells > 0.5 { enter[axis][1] } else { 3.0 };
+            enter[axis][2] = if cells > 1.5 { enter[axis][2] } else { 3.0 };
         }
-        for bit in 0..8 {
-            let [x, y, z] = [bit & 1, bit >> 1 & 1, bit >> 2];
-            let entered = max(max(enter[0][x], enter[1][y]), max(enter[2][z], 0.0));
-            let left = min(min(leave[0][x], leave[1][y]), min(leave[2][z], 1.0));
-            touched |= if entered <= left { 1 << bit } else { 0 };
+        for x in 0..SPAN {
+            let (entered, left) = (max(enter[0][x], 0.0), min(leave[0][x], 1.0));
+            for y in 0..SPAN {
+                let (entered, left) = (max(enter[1][y], entered), min(leave[1][y], left));
+                for z in 0..SPAN {
+                    let (entered, left) = (max(enter[2][z], entered), min(leave[2][z], left));
+                    let bit = (x * SPAN + y) * SPAN + z;
+                    touched |= if entered <= left { 1 << bit } else { 0 };
+                }
+            }
         }
         block.touched[lane] = touched;
         block.place[lane] = place;

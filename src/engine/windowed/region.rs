@@ -15,6 +15,7 @@ use super::listing::{Flights, Listing};
 use super::meeting::{self, Meeting};
 use super::paths::Gas;
 use super::pieces::{FIRST, Id, Line, NONE, Origin, Piece, Pieces};
+use super::sheet::Sheet;
 use crate::collision::{image_pair_time, pair_time};
 use crate::engine::contact;
 use crate::state::Trajectory;
@@ -161,6 +162,10 @@ pub struct Region {
     /// The first flights in each cell when the balls were sorted, and the one after the last.
     places: Vec<u32>,
     filter: Filter,
+    /// The sheets of the cells that are searched together, the first of these cells, and a sheet for any other cell.
+    sheets: Vec<Sheet>,
+    on_sheets: usize,
+    spare_sheet: Sheet,
     pairs: Vec<(u32, u32)>,
     candidates: Vec<Candidate>,
     loaded: Vec<[Trajectory; 2]>,
@@ -308,11 +313,21 @@ impl Region {
         for first in cells.clone().step_by(CELLS_AT_ONCE) {
             let end = (first + CELLS_AT_ONCE).min(cells.end);
             self.searched = end;
+            self.begin_sheets(first);
             self.read_ahead(shelves.lines, end);
             (first..end).for_each(|cell| self.search(&shelves, Some(&own), cell));
             self.decide(&shelves, Some(&mut own));
             self.follow_up(&shelves, Some(&mut own));
         }
+        // What is listed from now on is listed here and there: no cell has a sheet of its own.
+        self.on_sheets = cells.end;
+    }
+
+    /// Takes empty sheets for the cells from `first` on.
+    fn begin_sheets(&mut self, first: usize) {
+        self.on_sheets = first;
+        self.sheets.resize_with(CELLS_AT_ONCE, Sheet::default);
+        self.sheets.iter_mut().for_each(Sheet::clear);
     }
 
     /// Asks for the memory of the flights in the next cells: in their order it comes several times as fast as in that of the lists.
@@ -381,6 +396,9 @@ impl Region {
         let Self {
             lists,
             filter,
+            sheets,
+            on_sheets,
+            spare_sheet,
             pairs,
             candidates,
             ..
@@ -393,20 +411,30 @@ impl Region {
         let origin = grid.center(cell);
         let entries = lists.entries(cell);
         let tested = lists.tested(cell);
+        let sheet = if let Some(sheet) = sheets.get_mut(cell.wrapping_sub(*on_sheets)) {
+            sheet
+        } else {
+            spare_sheet.clear();
+            spare_sheet
+        };
         if shelves.gas.is_periodic() {
-            filter.begin_cell(entries, |entry| {
+            sheet.fill(entries.len(), |row| {
+                let entry = entries[row];
                 let shift = grid.shift(image_of(entry)) * grid.scale;
                 let origin = std::array::from_fn(|axis| origin[axis] - shift[axis] as f32);
                 relative(view.line(piece_of(entry)), origin)
             });
         } else {
-            filter.begin_cell(entries, |entry| relative(view.line(entry), origin));
+            sheet.fill(entries.len(), |row| {
+                relative(view.line(entries[row]), origin)
+            });
         }
         lists.set_tested(cell);
         pairs.clear();
-        filter.find(tested.max(1), pairs);
+        filter.find(sheet, tested.max(1), pairs);
+        let entries = lists.entries(cell);
         for &(row, other) in pairs.iter() {
-            let entries = [filter.entry(row), filter.entry(other)];
+            let entries = [row, other].map(|row| entries[row as usize]);
             let ids = entries.map(piece_of);
             let balls = ids.map(|id| view.line(id).ball);
             let origins = ids.map(|id| view.origin(id));

@@ -179,7 +179,7 @@ pub(super) fn time_axis(from: &str, to: &str, area: Rect, buffer: &mut Buffer) {
 }
 
 /// Dot of a braille cell, by column and row from the upper left. Source: the Unicode standard, block 2800.
-fn braille_dot(column: usize, row: usize) -> u8 {
+pub(super) fn braille_dot(column: usize, row: usize) -> u8 {
     [[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]][row][column]
 }
 

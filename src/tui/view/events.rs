@@ -57,7 +57,7 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
         };
         chart::chart(
             &series,
-            &now::marks(app),
+            &app.marks(),
             &|value| si(value, "", 4),
             plot,
             buffer,

@@ -14,6 +14,11 @@ pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
         put(buffer, area, (1, 0), words, theme::STRONG);
         return;
     }
+    if app.visit.is_some() {
+        let words = "beside the run, which goes on: 0 comes back to it, g goes to another time";
+        put(buffer, area, (1, 0), words, theme::STRONG);
+        return;
+    }
     let mut by_rank: Vec<&Binding> = KEYS
         .iter()
         .filter(|binding| binding.rank != NEVER)

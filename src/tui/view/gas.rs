@@ -32,6 +32,7 @@ pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
     let Some(sample) = &snapshot.sample else {
         let inner = framed_with_foot(buffer, area, title("1 gas", ""), &foot);
         let words = match snapshot.phase {
+            Phase::Starting if app.visit.is_some() => "reading the checkpoint before that time",
             Phase::Starting => "placing the molecules",
             _ => "waiting for a picture",
         };

@@ -78,6 +78,13 @@ pub(super) fn state(app: &App) -> String {
     };
     if app.frozen {
         format!("● screen frozen, run {words}")
+    } else if let Some(visit) = app.visit {
+        let units = app.latest.scene.units;
+        let wanted = quantity(Some(visit.time), "s", units, 3);
+        match app.latest.past.as_ref().map(|past| &past.phase) {
+            Some(Phase::Finished) => format!("● the past at {wanted}, run {words}"),
+            _ => format!("● going back to {wanted}, run {words}"),
+        }
     } else {
         format!("● {words}")
     }

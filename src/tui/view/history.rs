@@ -43,7 +43,7 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
     let height = (inner.height.saturating_sub(1) / rows).clamp(ROWS.0, ROWS.1);
     let gap = 2 * (columns - 1);
     let each = inner.width.saturating_sub(gap) / columns;
-    let marks = now::marks(app);
+    let marks = app.marks();
     for (index, chart) in charts.iter().take(shown).enumerate() {
         let (column, row) = (index as u16 / rows, index as u16 % rows);
         let place = Rect {

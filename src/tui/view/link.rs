@@ -48,6 +48,10 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
             "balls in the picture's sample",
             or_dash(sample.map(|balls| count(balls as u64))),
         ),
+        (
+            "watchers of this run",
+            (snapshot.watchers).map_or("this one only".into(), |many| count(u64::from(many))),
+        ),
         ("snapshots of the run so far", count(snapshot.sequence)),
         ("window", format!("{}x{}", area.width, area.height + 3)),
         (

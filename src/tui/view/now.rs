@@ -36,7 +36,7 @@ const CHART: u16 = 3;
 pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     let inner = framed(buffer, area, title("2 now", &span_words(app, snapshot)));
     let entries = entries(app, snapshot);
-    let marks = marks(app);
+    let marks = app.marks();
     let words: u16 = entries
         .iter()
         .map(|entry| 1 + u16::from(!entry.theory.is_empty()))
@@ -115,11 +115,6 @@ pub(super) fn span_words(app: &App, snapshot: &Snapshot) -> String {
     }
 }
 
-/// Times of the user's marks.
-pub(super) fn marks(app: &App) -> Vec<f64> {
-    app.marks.iter().map(|mark| mark.time).collect()
-}
-
 /// Temperature, pressure, collision rate and queue length.
 pub(super) fn entries<'a>(app: &App, snapshot: &'a Snapshot) -> [Entry<'a>; 4] {
     let span = span(app, snapshot);
@@ -175,7 +170,10 @@ pub(super) fn entries<'a>(app: &App, snapshot: &'a Snapshot) -> [Entry<'a>; 4] {
     };
     let queue = Entry {
         label: "queue",
-        value: format!("{} events", count(snapshot.queue_length)),
+        value: match snapshot.queue_length_max {
+            0 => format!("{} events", count(snapshot.queue_length)),
+            peak => format!("{}, peak {}", count(snapshot.queue_length), count(peak)),
+        },
         theory: String::new(),
         remark: String::new(),
         series: history(Observable::QueueLength, None),

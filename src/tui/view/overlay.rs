@@ -8,11 +8,13 @@ use ratatui::widgets::{Clear, Widget};
 use super::SMALLEST;
 use super::text::{framed, put, title, width, wrap};
 use crate::feed::Access;
-use crate::snapshot::Phase;
+use crate::snapshot::{Phase, Units};
 use crate::tui::app::{App, Overlay};
+use crate::tui::format::quantity;
 use crate::tui::help::Help;
 use crate::tui::keys::KEYS;
 use crate::tui::theme;
+use crate::tui::visit::Prompt;
 
 /// The question before a run ends with its dashboard.
 const QUIT: [&str; 4] = [
@@ -44,6 +46,7 @@ pub(super) fn panel(app: &App, area: Rect, buffer: &mut Buffer) {
             let lines: Vec<String> = lines.iter().copied().map(String::from).collect();
             show("quit", &lines, theme::VALUE, area, buffer);
         }
+        Some(Overlay::Goto(prompt)) => goto(app, prompt, area, buffer),
         Some(Overlay::Failure) => {
             if let Phase::Failed(why) = &app.latest.phase {
                 failure(why, area, buffer);
@@ -127,6 +130,28 @@ fn wrapped(line: &str, columns: u16, indent: u16) -> Vec<String> {
         .enumerate()
         .map(|(index, line)| format!("{}{line}", first(index)))
         .collect()
+}
+
+/// The question for a past time.
+fn goto(app: &App, prompt: &Prompt, area: Rect, buffer: &mut Buffer) {
+    let units = app.latest.scene.units;
+    let now = quantity(Some(app.latest.time), "s", units, 4);
+    let examples = match units {
+        Units::Si => "such as 12.5 ns, 3e-9 or 50%",
+        Units::Reduced => "such as 12.5 or 50%",
+    };
+    let mut lines = vec![
+        format!("See the gas as it was at a time from 0 to {now},"),
+        examples.to_owned(),
+        String::new(),
+        format!("> {}_", prompt.typed),
+        String::new(),
+    ];
+    lines.push(match &prompt.fault {
+        Some(fault) => fault.clone(),
+        None => "enter  go; the run goes on meanwhile    esc  no".into(),
+    });
+    show("go to a past time", &lines, theme::VALUE, area, buffer);
 }
 
 fn padded(text: &str, columns: u16) -> String {

@@ -5,12 +5,12 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
-use super::text::{framed, put, put_before, title, width};
+use super::text::{framed, put, put_before, title, width, wrap};
 use super::trust;
 use crate::snapshot::{Phase, Snapshot, Units};
 use crate::tui::app::App;
 use crate::tui::format::{
-    MISSING, bytes, count, percent_off, plain, quantity, relative, scientific, si,
+    MISSING, bytes, clock, count, percent_off, plain, quantity, relative, scientific, si,
 };
 use crate::tui::theme;
 use crate::tui::view::now;
@@ -21,6 +21,9 @@ const TWO_COLUMNS: u16 = 84;
 /// Rows from which on the accuracy card stands in full.
 const CARD: u16 = 11;
 
+/// Rows from which on the warnings stand in the panel.
+const WARNINGS: u16 = 16;
+
 /// A row of the panel.
 struct Row {
     label: &'static str,
@@ -30,8 +33,17 @@ struct Row {
 
 /// Draws the panel.
 pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
-    let inner = framed(buffer, area, title("4 run", ""));
-    progress(snapshot, inner, buffer);
+    let remark = match app.latest.warnings.len() {
+        0 => String::new(),
+        1 => "1 warning".into(),
+        many => format!("{many} warnings"),
+    };
+    let mut inner = framed(buffer, area, title("4 run", &remark));
+    // The warnings have the foot where every row above it is there too.
+    if area.height >= WARNINGS {
+        inner.height -= warnings(app, inner, buffer);
+    }
+    progress(app, snapshot, inner, buffer);
     let gap = 3;
     let columns = if inner.width >= TWO_COLUMNS { 2 } else { 1 };
     let room = inner.height.saturating_sub(1);
@@ -52,15 +64,36 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
     }
 }
 
+/// Writes the newest warnings at the foot; gives back the rows that they take.
+fn warnings(app: &App, area: Rect, buffer: &mut Buffer) -> u16 {
+    let lines = app.latest.warnings.iter().flat_map(|warning| {
+        let time = clock(warning.wall_time_s);
+        wrap(
+            &format!("{} {}", time.trim_start(), warning.words),
+            area.width,
+        )
+    });
+    let lines: Vec<String> = lines.collect();
+    let rows = (lines.len() as u16).min(area.height / 3);
+    let first = lines.len() - usize::from(rows);
+    for (row, line) in lines[first..].iter().enumerate() {
+        let at = area.height - rows + row as u16;
+        put(buffer, area, (0, at), line, theme::BAD);
+    }
+    rows
+}
+
 /// A bar, the percentage, and at the end of the run what to do.
-fn progress(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
+fn progress(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     let share = snapshot
         .until
         .map(|until| snapshot.time / until)
         .filter(|share| share.is_finite());
     let words = match (&snapshot.phase, share) {
+        (Phase::Finished, _) if app.visit.is_some() => "the past, 0 leaves".to_string(),
         (Phase::Finished, _) => "done, q leaves".to_string(),
         (Phase::Failed(_), _) => "failed, q leaves".to_string(),
+        (Phase::Starting, _) if app.visit.is_some() => "reading a checkpoint".to_string(),
         (Phase::Starting, _) => "placing molecules".to_string(),
         (_, Some(share)) => format!("{:.2} %", 100.0 * share),
         (_, None) => "no end set".to_string(),
@@ -188,7 +221,9 @@ fn details(snapshot: &Snapshot) -> Vec<Row> {
     let counts = &snapshot.counts;
     let off = percent_off(snapshot.wall_rate, snapshot.expected.wall_rate);
     let walls = now::rate(snapshot.wall_rate, units);
+    let checkpoint = quantity(snapshot.last_checkpoint, "s", units, 4);
     let details = vec![
+        ("last checkpoint", checkpoint),
         ("wall hits", join(&walls, off)),
         (
             "mean free path",

@@ -29,7 +29,7 @@ pub enum Accuracy {
 
 impl Accuracy {
     /// The error as a share.
-    fn share(self) -> f64 {
+    pub fn share(self) -> f64 {
         match self {
             Self::Exact => 0.0,
             Self::Tenth => 1e-3,

@@ -16,7 +16,7 @@ use crate::snapshot::{History, Observed, Sample, SceneCard, Snapshot, Speeds, St
 /// Number of the messages' layout: both sides must have the same.
 ///
 /// Grows with every change of a message or of anything in a [`Snapshot`]; `Hello` and `Refused` never change.
-pub const PROTOCOL: u32 = 3;
+pub const PROTOCOL: u32 = 4;
 
 /// Longest message that is accepted \[bytes\].
 const LONGEST: usize = 64 << 20;
@@ -262,7 +262,7 @@ mod tests {
     use serde_reflection::{Samples, Tracer, TracerConfig};
 
     use super::*;
-    use crate::snapshot::{Boundary, Phase, Units};
+    use crate::snapshot::{Boundary, ObservableName, Phase, Units};
 
     fn sample(x: f32) -> Arc<Sample> {
         Arc::new(Sample {
@@ -325,6 +325,7 @@ mod tests {
         let whole = "it has a shape";
         tracer.trace_type::<Request>(&samples).expect(whole);
         tracer.trace_type::<Command>(&samples).expect(whole);
+        tracer.trace_type::<ObservableName>(&samples).expect(whole);
         tracer.trace_type::<Ending>(&samples).expect(whole);
         tracer.trace_type::<Snapshot>(&samples).expect(whole);
         tracer.trace_type::<Phase>(&samples).expect(whole);
@@ -345,7 +346,7 @@ mod tests {
     fn whoever_changes_a_message_raises_the_protocol() {
         assert_eq!(
             (PROTOCOL, shape()),
-            (3, 18_401_690_339_252_908_611),
+            (4, 14_701_740_361_899_684_964),
             "a request or a part of a snapshot has changed: raise PROTOCOL, then note number and shape here"
         );
     }

@@ -260,7 +260,7 @@ fn boltzmanns_h_returns_when_time_is_reversed() {
 fn the_mean_free_path_is_not_that_of_the_short_flights_that_have_ended() {
     let text = "units = \"reduced\"\n[domain]\nkind = \"periodic\"\nsize = [250, 250, 250]\n\
          [[species]]\ncount = 20000\nradius = 0.5\nmass = 1\nplacement = { kind = \"random\" }\n\
-         velocity = { kind = \"normal\", deviation = 1 }\n[observe]\nevery = 1\nflights = true\n[run]\nuntil = 100\n";
+         velocity = { kind = \"normal\", deviation = 1 }\n[observe]\nevery = 1\nflights = true\n[run]\nuntil = 100.9\n";
     let last = run(text, Choice::Windowed(2));
     let ends = 2.0 * last.counts.pair_collisions as f64;
     assert!(ends < 1.2 * 20_000.0, "{ends}");

@@ -159,13 +159,15 @@ def show_ovito(directory):
         data = pipeline.compute(frame)
         with open(directory / f"{frame}.csv") as file:
             state = np.array([[float(cell) for cell in row[1:9]] for row in list(csv.reader(file))[1:]])
-        assert (np.array(data.particles.positions) == state[:, 0:3]).all()
-        assert (np.array(data.particles["Velocity"]) == state[:, 3:6]).all()
+        # Its reader of numbers is off by a bit or two of 53.
+        moved = abs(np.array(data.particles.positions) - state[:, 0:3]).max()
+        turned = abs(np.array(data.particles["Velocity"]) / state[:, 3:6] - 1).max()
+        assert moved < 1e-14 * EDGE and turned < 1e-14, (moved, turned)
         assert abs(np.array(data.particles["Radius"]) - state[:, 6]).max() < 1e-7
         cell = np.array(data.cell[...])
         assert abs(np.diag(cell[:, :3]) - EDGE).max() < 1e-6 and all(data.cell.pbc)
         said = {key: data.attributes[key] for key in ("Time", "Timestep") if key in data.attributes}
-        print(f"  {name}: {FRAMES} frames; number {frame}: positions, velocities, radii and box equal; {said}")
+        print(f"  {name}: {FRAMES} frames; number {frame}: positions to {moved:.1e}, velocities to {turned:.1e}, radii and box equal; {said}")
 
 
 def main():

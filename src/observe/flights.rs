@@ -34,7 +34,9 @@ pub struct Flights {
     lengths: Vec<u64>,
     times: Vec<u64>,
     last_look: Time,
-    /// Push on each wall since the last look, which joins the sums together with its time.
+    /// Since the last look, what joins the sums together with the time: ends of flights and their lengths.
+    ended: [f64; 2],
+    /// The same: push on each wall.
     pushes: [f64; 6],
     /// Ends of flights, what was flown, the time since the look before, the push on each of six walls.
     sums: BlockSums,
@@ -55,6 +57,7 @@ impl Flights {
             lengths: vec![0; BIN_COUNT],
             times: vec![0; BIN_COUNT],
             last_look: state.now,
+            ended: [0.0; 2],
             pushes: [0.0; 6],
             sums: BlockSums::new(9),
         }
@@ -89,16 +92,17 @@ impl Flights {
             self.lengths[bin(length, self.length_bin)] += 1;
             self.times[bin(time, self.time_bin)] += 1;
         }
-        let sums = self.sums.open();
-        sums[0] += 1.0;
-        sums[1] += length;
+        self.ended[0] += 1.0;
+        self.ended[1] += length;
     }
 
     /// Closes a stretch of the averages; the velocities are those of the present.
     pub fn look(&mut self, state: &State, velocities: &Velocities) {
         let under_way = self.under_way_at(state.now, velocities);
         let sums = self.sums.open();
-        sums[1] += under_way - self.under_way;
+        let [ends, lengths] = std::mem::take(&mut self.ended);
+        sums[0] += ends;
+        sums[1] += lengths + under_way - self.under_way;
         sums[2] += state.now.since(self.last_look);
         for (sum, push) in sums[3..].iter_mut().zip(std::mem::take(&mut self.pushes)) {
             *sum += push;
@@ -120,7 +124,7 @@ impl Flights {
     /// A reversal ends no flight, but what follows is no part of it.
     pub fn interrupt(&mut self, state: &State, velocities: &Velocities) {
         let under_way = self.under_way_at(state.now, velocities);
-        self.sums.open()[1] += under_way - self.under_way;
+        self.ended[1] += under_way - self.under_way;
         self.under_way = 0.0;
         self.began.fill(state.now);
         self.opened = state.now;

@@ -26,7 +26,7 @@ pub fn assumed_speed(placement: &Placement) -> f64 {
         .iter()
         .fold(0.0, |largest: f64, body| largest.max(body.radius));
     if Windowed::pays(placement) || count < BEYOND_CACHES {
-        200_000.0
+        300_000.0
     } else if spacing < DENSE * 2.0 * largest {
         100_000.0
     } else {

@@ -110,6 +110,11 @@ impl Meter {
         }
     }
 
+    /// Notes wall time spent on other work of the run: rows, observables, snapshots \[s\].
+    pub fn spent(&mut self, wall_time: f64) {
+        self.wall_time += wall_time.max(0.0);
+    }
+
     /// Wall time spent running \[s\].
     pub fn wall_time(&self) -> f64 {
         self.wall_time

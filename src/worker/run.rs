@@ -311,7 +311,11 @@ impl<'a> Run<'a> {
             }
             let waited = match self.wait_for() {
                 None => {
-                    match self.slice() {
+                    let (began, counted) = (Instant::now(), self.meter.wall_time());
+                    let outcome = self.slice();
+                    let counted = self.meter.wall_time() - counted;
+                    self.meter.spent(began.elapsed().as_secs_f64() - counted);
+                    match outcome {
                         Ok(ControlFlow::Continue(())) => {}
                         Ok(ControlFlow::Break(())) => {
                             self.phase = Phase::Finished;

@@ -22,6 +22,8 @@ const TIME_ROUNDING: f32 = 1e-6;
 #[derive(Clone, Debug)]
 pub struct Filter {
     machine: Arch,
+    /// Lanes of its vectors.
+    lanes: usize,
     /// Vectors with hits: row, chunk of columns, lanes.
     hits: Vec<u64>,
     margins: Margins,
@@ -47,8 +49,10 @@ pub struct Margins {
 
 impl Default for Filter {
     fn default() -> Self {
+        let machine = Arch::new();
         Self {
-            machine: Arch::new(),
+            machine,
+            lanes: machine.dispatch(CountLanes),
             hits: Vec::new(),
             margins: Margins::default(),
             off_middle: 0.0,
@@ -99,9 +103,10 @@ impl Filter {
     /// the window, the later row first.
     pub fn find(&mut self, sheet: &Sheet, first: usize, pairs: &mut Vec<(u32, u32)>) {
         let (columns, count) = (sheet.columns(), sheet.count());
-        let most = (count - first.min(count)) * count.div_ceil(LANES) + 1;
+        let vectors = columns[0].len() / self.lanes;
+        let most = (count - first.min(count)) * vectors + 1;
         if self.hits.len() < most {
-            self.hits.resize(most, 0);
+            self.hits.resize(most + most / 2, 0);
         }
         let found = self.machine.dispatch(Find {
             columns,
@@ -154,6 +159,17 @@ impl Filter {
     }
 }
 
+struct CountLanes;
+
+impl WithSimd for CountLanes {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> usize {
+        S::F32_LANES
+    }
+}
+
 struct Find<'a> {
     columns: [&'a [f32]; 6],
     first: usize,
@@ -169,7 +185,7 @@ impl WithSimd for Find<'_> {
     /// Free of branches that depend on the pieces: a vector with hits is written down by advancing past it.
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> usize {
-        let lanes = size_of::<S::f32s>() / size_of::<f32>();
+        let lanes = S::F32_LANES;
         let [x, y, z, u, v, w] = self.columns;
         let rows = |column: &'_ [f32]| column.len().min(self.count);
         let count = rows(x)
@@ -240,4 +256,31 @@ pub fn relative(line: &Line, origin: [f32; 3]) -> [f32; 6] {
     let [x, y, z] = line.position;
     let [u, v, w] = line.velocity;
     [x - origin[0], y - origin[1], z - origin[2], u, v, w]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_that_all_come_to_one_point_are_all_found() {
+        for count in [2_usize, 15, 16, 17, 25, 40, 100] {
+            let mut filter = Filter::default();
+            filter.begin_window(Margins {
+                contact: 0.1,
+                edges: [1.0; 3],
+                fastest: 0.5,
+                ..Margins::default()
+            });
+            let mut sheet = Sheet::default();
+            sheet.fill(count, |row| {
+                let angle = row as f32 / count as f32 * std::f32::consts::TAU;
+                let [x, y] = [0.4 * angle.cos(), 0.4 * angle.sin()];
+                [x, y, 0.0, -x, -y, 0.0]
+            });
+            let mut pairs = Vec::new();
+            filter.find(&sheet, 1, &mut pairs);
+            assert_eq!(pairs.len(), count * (count - 1) / 2);
+        }
+    }
 }

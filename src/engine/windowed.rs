@@ -10,8 +10,9 @@
 //! 3. **Commit** the meetings in order of time (`commits.rs`). One is valid if both pieces are then their balls' present flights.
 //!
 //! What always holds: every two pieces are tested when the later one is listed, in the cell of their contact point; whether a
-//! piece has begun or ended before a meeting is settled when that meeting's turn comes. So the collisions are those of the true
-//! dynamics, and since predictions are pure functions of trajectories they are those of engine `event`, bit for bit.
+//! piece has begun or ended before a meeting is settled when that meeting's turn comes; among collisions at one instant, a turn
+//! that came before its cause is taken up again. So the collisions are those of the true dynamics, and since predictions are pure
+//! functions of trajectories they are those of engine `event`, bit for bit.
 //!
 //! The exact flights are in the state, by ball. Beside them the engine keeps one `Line` of 32 bytes for each: where it is at
 //! the beginning of the window and its velocity, in f32, moved on from window to window and made anew from the exact flight at
@@ -82,6 +83,8 @@ pub struct Windowed {
     done: usize,
     /// Meetings of pieces that began during the commits.
     follow_ups: BinaryHeap<Meeting>,
+    /// Meetings of the instant that has been reached which were not valid when their turn came.
+    put_off: Vec<Meeting>,
     instants: InstantWatch,
     counters: Counters,
 }
@@ -151,6 +154,7 @@ impl Windowed {
             meetings: Vec::new(),
             done: 0,
             follow_ups: BinaryHeap::new(),
+            put_off: Vec::new(),
             instants: InstantWatch::new(count),
             counters: Counters::default(),
             state,
@@ -375,6 +379,7 @@ impl Windowed {
             region.fastest().max(fastest)
         });
         self.follow_ups.clear();
+        self.put_off.clear();
         self.meetings.clear();
         self.done = 0;
         self.window = None;

@@ -179,8 +179,8 @@ pub struct Region {
     sheets: Vec<Sheet>,
     on_sheets: usize,
     spare_sheet: Sheet,
-    pairs: Vec<(u32, u32)>,
-    candidates: Vec<Candidate>,
+    pairs: Scratch<(u32, u32)>,
+    candidates: Scratch<Candidate>,
     loaded: Vec<[Trajectory; 2]>,
     aside: Scratch<u32>,
     aside_loaded: Vec<Trajectory>,
@@ -451,7 +451,7 @@ impl Region {
             });
         }
         lists.set_tested(cell);
-        pairs.clear();
+        pairs.empty();
         filter.find(sheet, tested.max(1), pairs);
         let entries = lists.entries(cell);
         for &(row, other) in pairs.iter() {
@@ -483,7 +483,7 @@ impl Region {
             self.decide_few(shelves, own.as_deref_mut(), candidates);
         }
         self.candidates = candidates;
-        self.candidates.clear();
+        self.candidates.empty();
     }
 
     fn decide_few(

@@ -25,7 +25,9 @@ impl<T> Default for Scratch<T> {
 impl<T: Copy> Scratch<T> {
     /// Forgets all entries.
     pub fn empty(&mut self) {
-        if let Some(&any) = self.list.first() {
+        if self.list.len() > self.touched / 2
+            && let Some(&any) = self.list.first()
+        {
             // Counts of what happens by chance scatter by the root; what goes together scatters more.
             let spread = 2 * self.list.len().isqrt() + 32;
             if self.list.len() + 2 * spread > self.touched {

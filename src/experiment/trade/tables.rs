@@ -2,6 +2,7 @@
 
 use crate::experiment::page::{Table, Value};
 use crate::experiment::plot::{Axis, Glyph, Line, Plot, Series};
+use crate::experiment::trade::settle::Start;
 use crate::experiment::trade::statistics::{Difference, threads};
 use crate::experiment::trade::trajectories::{LOOKS, TURNS};
 use crate::experiment::trade::verdict::{Promise, Row};
@@ -38,6 +39,21 @@ fn errors(rows: &[Row], number: usize) -> [Option<Difference>; 4] {
             ..found
         })
     })
+}
+
+/// What was asked of the gas before anything was measured.
+pub fn settling(start: &Start) -> Table {
+    let columns = ["the gas at the start", "found", "must be", "met"];
+    let mut table = Table::new("settling", "Whether the gas has settled", &columns);
+    for criterion in &start.criteria {
+        table.push([
+            criterion.what.clone().into(),
+            criterion.found.into(),
+            criterion.limit.clone().into(),
+            if criterion.met { "yes" } else { "no" }.into(),
+        ]);
+    }
+    table
 }
 
 pub fn averages(rows: &[Row], units: Units) -> Table {

@@ -50,6 +50,9 @@ const MOST_FOLLOWED: usize = 1000;
 /// The same with `--quick`.
 const QUICK_FOLLOWED: usize = 300;
 
+/// Seconds that following single balls may always take.
+const LEAST_FOLLOWING: f64 = 1.0;
+
 /// What the user asks for.
 #[derive(Clone, Debug, Default, Args)]
 #[group(skip)]
@@ -245,7 +248,7 @@ fn run_setting(
         let share = judge.balls() as f64 / start.gas.positions.len() as f64;
         let expected = judge.time() / measured.speed() * share;
         let follows = !matches!(setting.choice, Choice::Statistical { .. });
-        follows && expected < 2.0 * limits.budget && !progress.stopped()
+        follows && expected < (2.0 * limits.budget).max(LEAST_FOLLOWING) && !progress.stopped()
     });
     Finished {
         choice: setting.choice,

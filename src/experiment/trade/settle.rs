@@ -33,6 +33,12 @@ const LATER: f64 = 1.5;
 /// Budgets in which it must have settled.
 const PATIENCE: f64 = 8.0;
 
+/// Seconds in which it may settle, however small the budget.
+const LEAST_PATIENCE: f64 = 10.0;
+
+/// Fewest balls for which a thread is worth its while.
+const BALLS_PER_THREAD: usize = 20_000;
+
 /// Standard errors by which the collisions of two quarters of the run may differ.
 const STEADY: f64 = 2.0;
 
@@ -93,7 +99,11 @@ impl Start {
         let guess = expected.map_or(crossing, |rate| count / (2.0 * rate).max(f64::MIN_POSITIVE));
         let guess = guess.min(crossing * 1e3);
         let choice = if Windowed::pays(placed) {
-            Choice::Windowed(threads)
+            Choice::Windowed(
+                threads
+                    .min(placed.positions.len() / BALLS_PER_THREAD)
+                    .max(1),
+            )
         } else {
             EVENT
         };
@@ -108,7 +118,7 @@ impl Start {
             let until = f64::from(slice) / SLICES;
             let spent = began.elapsed().as_secs_f64();
             if progress.stopped()
-                || spent > PATIENCE * budget
+                || spent > (PATIENCE * budget).max(LEAST_PATIENCE)
                 || trial.try_run(until * guess, &mut |_| {}).is_err()
             {
                 break; // no room to move: every engine will say so
@@ -336,7 +346,7 @@ mod tests {
         gas.velocities
             .iter_mut()
             .for_each(|velocity| *velocity = velocity.normalize() * 3.0_f64.sqrt());
-        assert!(unmet(&gas, 0.5).contains(&"speeds, KS over critical".to_owned()));
+        assert!(unmet(&gas, 3.0).contains(&"speeds, KS over critical".to_owned()));
         assert_eq!(unmet(&gas, 400.0), [""; 0]);
     }
 }

@@ -244,7 +244,7 @@ const ENGINES: [(&str, Glyph); 5] = [
 fn front(rows: &[Row], y: &dyn Fn(&Row) -> Option<f64>) -> Vec<Series> {
     let point = |row: &Row| Some((row.measured.speed(), y(row)?));
     let mut series: Vec<Series> = Vec::new();
-    for (engine, glyph) in ENGINES {
+    for (number, (engine, glyph)) in ENGINES.into_iter().enumerate() {
         for dominated in [false, true] {
             let own = rows.iter().filter(|row| {
                 row.setting.choice.name() == engine && row.dominated_by.is_some() == dominated
@@ -254,9 +254,12 @@ fn front(rows: &[Row], y: &dyn Fn(&Row) -> Option<f64>) -> Vec<Series> {
                 continue;
             }
             series.push(if dominated {
-                Series::points(&format!("{engine}, dominated"), glyph, points).hollow()
+                let name = format!("{engine}, dominated");
+                Series::points(&name, glyph, points)
+                    .hollow()
+                    .coloured(number)
             } else {
-                Series::points(engine, glyph, points)
+                Series::points(engine, glyph, points).coloured(number)
             });
         }
     }
@@ -272,11 +275,10 @@ fn front(rows: &[Row], y: &dyn Fn(&Row) -> Option<f64>) -> Vec<Series> {
         best = best.min(point.1);
         better
     });
-    series.push(Series::line(
-        "best for its speed, one thread",
-        Line::Dotted,
-        points,
-    ));
+    series.push(
+        Series::line("best for its speed, one thread", Line::Dotted, points)
+            .coloured(ENGINES.len()),
+    );
     series
 }
 

@@ -108,8 +108,6 @@ struct Unfinished {
     trial: SavedTrial,
     samples: Vec<Sample>,
     begin: Begin,
-    /// Wall time so far \[s\].
-    seconds: f64,
 }
 
 /// A run that is going on.
@@ -124,9 +122,6 @@ struct Run {
     pace: f64,
     progress: Progress,
     checkpoint_every: Duration,
-    /// Wall time of the runs before this one.
-    before: f64,
-    began: Instant,
     saved: Instant,
 }
 
@@ -186,7 +181,7 @@ pub fn run(options: &Options) -> Result<u8> {
     run.pace = pace;
     run.checkpoint_every = options.checkpoint_every;
     drop(gas);
-    run.to_the_end(&theory)?;
+    run.finish(&theory)?;
     let Run {
         trial,
         samples,
@@ -196,12 +191,7 @@ pub fn run(options: &Options) -> Result<u8> {
     } = run;
     let mut page = page(&trial, &samples, &theory, options, (choice, threads));
     if progress.stopped() {
-        let again = kept
-            .path()
-            .map_or("", |_| "; the same command goes on from here");
-        page.paragraphs.push(format!(
-            "Interrupted: this is what had been measured{again}."
-        ));
+        page.paragraphs.push(kept.interrupted().to_owned());
     }
     outputs.finish(&page)?;
     if !progress.stopped() {
@@ -231,31 +221,22 @@ impl Run {
         kept: Kept,
         mut progress: Progress,
     ) -> Result<Self> {
-        let now = Instant::now();
-        let (trial, samples, begin, before) = match unfinished {
-            Some(unfinished) => {
-                let Some(trial) = unfinished.trial.resume(choice) else {
-                    let words = "experiment gas: the checkpoint in --out is of another engine";
-                    return Err(Error::Usage(words.to_owned()));
-                };
-                say(&format!(
-                    "goes on from {:.3} ns, with {} samples",
-                    1e9 * trial.time(),
-                    unfinished.samples.len()
-                ));
-                (
-                    trial,
-                    unfinished.samples,
-                    unfinished.begin,
-                    unfinished.seconds,
-                )
-            }
-            None => {
-                progress.tell(0.0, &format!("placing {} balls", gas.positions.len()));
-                let trial = Trial::resume(choice, State::new(gas));
-                let begin = begin(&trial);
-                (trial, Vec::new(), begin, 0.0)
-            }
+        let (trial, samples, begin) = if let Some(unfinished) = unfinished {
+            let Some(trial) = unfinished.trial.resume(choice) else {
+                let words = "experiment gas: the checkpoint in --out is of another engine";
+                return Err(Error::Usage(words.to_owned()));
+            };
+            say(&format!(
+                "goes on from {:.3} ns, with {} samples",
+                1e9 * trial.time(),
+                unfinished.samples.len()
+            ));
+            (trial, unfinished.samples, unfinished.begin)
+        } else {
+            progress.tell(0.0, &format!("placing {} balls", gas.positions.len()));
+            let trial = Trial::resume(choice, State::new(gas));
+            let begin = begin(&trial);
+            (trial, Vec::new(), begin)
         };
         Ok(Self {
             trial,
@@ -266,14 +247,12 @@ impl Run {
             pace: 1.0,
             progress,
             checkpoint_every: Duration::MAX,
-            before,
-            began: now,
-            saved: now,
+            saved: Instant::now(),
         })
     }
 
     /// Settles, and takes the samples that are missing.
-    fn to_the_end(&mut self, theory: &Theory) -> Result<()> {
+    fn finish(&mut self, theory: &Theory) -> Result<()> {
         let (settle, length) = self.plan;
         self.progress.already(self.trial.time() / self.pace);
         if self.samples.is_empty() && self.trial.time() < settle {
@@ -319,7 +298,6 @@ impl Run {
                 trial: self.trial.save(),
                 samples: self.samples.clone(),
                 begin: self.begin,
-                seconds: self.before + self.began.elapsed().as_secs_f64(),
             })?;
         }
         self.saved = Instant::now();

@@ -69,6 +69,16 @@ impl Kept {
         self.path.as_deref()
     }
 
+    /// What is said of an experiment that a signal has ended.
+    pub fn interrupted(&self) -> &'static str {
+        match self.path {
+            Some(_) => {
+                "Interrupted: this is what had been measured; the same command goes on from here."
+            }
+            None => "Interrupted: this is what had been measured.",
+        }
+    }
+
     /// Everything is in the results now.
     pub fn remove(&self) {
         if let Some(path) = &self.path {

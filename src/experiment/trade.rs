@@ -122,18 +122,17 @@ pub fn run(options: &Options) -> Result<u8> {
         &["pressure", "trajectories"],
     )?;
     let mut progress = Progress::new(budget * (REFERENCE + 1.0))?;
-    let mut known = match unfinished {
-        Some(unfinished) => unfinished,
-        None => {
-            let fresh = Unfinished {
-                start: start(&scene, several, budget, &mut progress)?,
-                settings: Vec::new(),
-            };
-            if !progress.stopped() {
-                kept.store(&fresh)?;
-            }
-            fresh
+    let mut known = if let Some(unfinished) = unfinished {
+        unfinished
+    } else {
+        let fresh = Unfinished {
+            start: start(&scene, several, budget, &mut progress)?,
+            settings: Vec::new(),
+        };
+        if !progress.stopped() {
+            kept.store(&fresh)?;
         }
+        fresh
     };
     if !known.settings.is_empty() {
         say(&format!(
@@ -153,38 +152,14 @@ pub fn run(options: &Options) -> Result<u8> {
     let count = settings.allowed.len() as f64;
     progress.expect(budget * (count + REFERENCE + 1.0));
     let judge = Judge::new(&start.gas, start.free_time, most);
-    let mut rows: Vec<Row> = Vec::new();
-    let mut reference: Option<Measured> = None;
-    for setting in settings.allowed {
-        let first = reference.is_none();
-        let limits = Limits {
-            budget: if first { REFERENCE * budget } else { budget },
-            free_time: start.free_time,
-            window: WINDOW,
-        };
-        let before = known
-            .settings
-            .iter()
-            .find(|finished| finished.choice == setting.choice);
-        let finished = if let Some(finished) = before {
-            progress.already(limits.budget);
-            finished.clone()
-        } else if progress.stopped() {
-            break;
-        } else {
-            let finished = run_setting(&setting, &start, limits, judge.as_ref(), &mut progress);
-            if !progress.stopped() {
-                known.settings.push(finished.clone());
-                kept.store(&known)?;
-            }
-            finished
-        };
-        let Finished {
-            measured, faith, ..
-        } = finished;
-        let reference = reference.get_or_insert_with(|| measured.clone());
-        rows.push(Row::new(setting, measured, reference, faith));
-    }
+    let allowed = settings.allowed;
+    let mut rows = measure_all(
+        allowed,
+        &mut known,
+        &kept,
+        (judge.as_ref(), budget),
+        &mut progress,
+    )?;
     verdict::mark(&mut rows);
     let promises: Vec<Promise> = promises
         .iter()
@@ -210,18 +185,54 @@ pub fn run(options: &Options) -> Result<u8> {
     };
     page.tables.retain(|table| !table.rows.is_empty());
     if progress.stopped() {
-        let again = kept
-            .path()
-            .map_or("", |_| "; the same command goes on from here");
-        page.paragraphs.push(format!(
-            "Interrupted: this is what had been measured{again}."
-        ));
+        page.paragraphs.push(kept.interrupted().to_owned());
     }
     outputs.finish(&page)?;
     if !progress.stopped() {
         kept.remove();
     }
     Ok(progress.code())
+}
+
+/// Measures the settings that are not known yet, and keeps each as soon as it is.
+fn measure_all(
+    settings: Vec<Setting>,
+    known: &mut Unfinished,
+    kept: &Kept,
+    (judge, budget): (Option<&Judge>, f64),
+    progress: &mut Progress,
+) -> Result<Vec<Row>> {
+    let mut rows: Vec<Row> = Vec::new();
+    let mut reference: Option<Measured> = None;
+    for setting in settings {
+        let first = reference.is_none();
+        let limits = Limits {
+            budget: if first { REFERENCE * budget } else { budget },
+            free_time: known.start.free_time,
+            window: WINDOW,
+        };
+        let mut before = known.settings.iter();
+        let before = before.find(|finished| finished.choice == setting.choice);
+        let finished = if let Some(finished) = before {
+            progress.already(limits.budget);
+            finished.clone()
+        } else if progress.stopped() {
+            break;
+        } else {
+            let finished = run_setting(&setting, &known.start, limits, judge, progress);
+            if !progress.stopped() {
+                known.settings.push(finished.clone());
+                kept.store(known)?;
+            }
+            finished
+        };
+        let Finished {
+            measured, faith, ..
+        } = finished;
+        let reference = reference.get_or_insert_with(|| measured.clone());
+        rows.push(Row::new(setting, measured, reference, faith));
+    }
+    Ok(rows)
 }
 
 /// The settled gas of a scene.

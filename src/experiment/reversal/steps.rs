@@ -16,8 +16,8 @@ use crate::experiment::trial::Trial;
 use crate::state::Time;
 use crate::worker::engines::Choice;
 
-/// Time there \[s\].
-const TIME: f64 = 1.0;
+/// Steps in a second, and time there \[s\].
+const CASES: [(f64, f64); 4] = [(3600.0, 1.0), (900.0, 1.0), (14_400.0, 1.0), (3600.0, 6.0)];
 
 /// Seconds that a step of 512 balls takes, about.
 const STEP_COST: f64 = 4e-5;
@@ -33,8 +33,8 @@ struct Back {
     lost: u64,
 }
 
-/// Runs data sets there and back in steps of `1 / rate`.
-fn back(rate: f64, seed: u64) -> Back {
+/// Runs a data set for so long there and back in steps of `1 / rate`.
+fn back((rate, time): (f64, f64), seed: u64) -> Back {
     let gas = seed_scene(EDGE, seed);
     let choice = Choice::Step(1.0 / rate);
     let mut last: Vec<Option<Time>> = vec![None; gas.positions.len()];
@@ -51,9 +51,9 @@ fn back(rate: f64, seed: u64) -> Back {
         }
     };
     Trial::new(choice, &gas)
-        .try_run(TIME, &mut meet)
+        .try_run(time, &mut meet)
         .expect("room to move");
-    let echo = Echo::new(choice, &gas, TIME);
+    let echo = Echo::new(choice, &gas, time);
     Back {
         double_meetings,
         error: echo.position(),
@@ -63,13 +63,14 @@ fn back(rate: f64, seed: u64) -> Back {
 
 /// Errors of data sets with and without a ball that met two partners within one step; a paragraph of words.
 pub fn causes(quick: bool, progress: &mut Progress) -> (Table, Option<String>) {
-    let (rates, sets): (&[f64], u64) = if quick {
-        (&[3600.0], 4)
+    let (cases, sets): (&[(f64, f64)], u64) = if quick {
+        (&CASES[..1], 4)
     } else {
-        (&[900.0, 3600.0, 14_400.0], 12)
+        (&CASES, 12)
     };
     let columns = [
         "step [s]",
+        "time there [s]",
         "balls with two meetings in a step",
         "data sets",
         "of these back to rounding",
@@ -77,17 +78,18 @@ pub fn causes(quick: bool, progress: &mut Progress) -> (Table, Option<String>) {
         "mean error of the others [d]",
         "mean balls lost of the others",
     ];
-    let title = format!("Fixed steps: what keeps them from coming back after {TIME} s");
+    let title = "Fixed steps: what keeps them from coming back";
     let mut table = Table::new("steps", title, &columns);
     let mut words = None;
-    for &rate in rates {
+    for &case in cases {
+        let (rate, time) = case;
         let mut backs = Vec::new();
         for seed in 1..=sets {
             if progress.stopped() {
                 break;
             }
-            backs.push(back(rate, seed));
-            progress.tell(3.0 * rate * STEP_COST, "why steps do not come back");
+            backs.push(back(case, seed));
+            progress.tell(3.0 * rate * time * STEP_COST, "why steps do not come back");
         }
         for some in [false, true] {
             let own: Vec<&Back> = (backs.iter())
@@ -101,6 +103,7 @@ pub fn causes(quick: bool, progress: &mut Progress) -> (Table, Option<String>) {
             };
             table.push([
                 Value::Text(format!("1/{rate}")),
+                time.into(),
                 if some { "some" } else { "none" }.into(),
                 (own.len() as u64).into(),
                 (kept.len() as u64).into(),
@@ -113,7 +116,7 @@ pub fn causes(quick: bool, progress: &mut Progress) -> (Table, Option<String>) {
         words = Some(format!(
             "Fixed steps lose the way back where a ball meets two partners within one step: the first collision may turn it \
              away from the second, and then two pasts have one future. In steps of 1/{rate} s that was the case for {:.2} \
-             balls of a data set in {TIME} s.",
+             balls of a data set in {time} s.",
             met as f64 / backs.len().max(1) as f64
         ));
     }

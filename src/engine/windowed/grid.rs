@@ -307,13 +307,15 @@ pub struct Lists {
     /// How many entries of each cell have been tested against each other.
     tested: Vec<u32>,
     capacity: usize,
+    /// Entries in the fullest list so far.
+    fullest: usize,
 }
 
 impl Lists {
     /// Makes these the empty lists of these cells, with room for `expected` entries in each before they must grow.
     pub fn reset(&mut self, cells: std::ops::Range<usize>, expected: usize) {
         // Room for the fullest cells that chance brings about, so that the lists need not grow later.
-        let most = expected + 8 * expected.isqrt();
+        let most = (expected + 8 * expected.isqrt()).max(self.fullest + 6 * self.fullest.isqrt());
         self.first = cells.start;
         self.capacity = self.capacity.max(most.next_multiple_of(16)).max(32);
         self.entries.resize(cells.len() * self.capacity, 0);
@@ -361,6 +363,12 @@ impl Lists {
 
     /// Empties all lists.
     pub fn clear(&mut self) {
+        let fullest = self
+            .lengths
+            .iter()
+            .max()
+            .map_or(0, |&length| length as usize);
+        self.fullest = self.fullest.max(fullest);
         self.lengths.fill(0);
         self.tested.fill(0);
     }

@@ -126,6 +126,11 @@ impl Correlator {
             .collect()
     }
 
+    /// Records of the settled part of the run.
+    pub fn records(&self) -> f64 {
+        self.sums.total()[0]
+    }
+
     /// The mean over a group at a lag, by where the lag stands.
     pub fn mean(&self, group: usize, index: usize) -> Estimate {
         self.sums.estimate(|sums| self.mean_of(sums, group, index))

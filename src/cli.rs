@@ -7,7 +7,7 @@ use clap::builder::FalseyValueParser;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 
-use crate::experiment::{extremes, gas, page, trade};
+use crate::experiment::{extremes, gas, observables, page, trade};
 use crate::generate::{Draw, Format, GASES};
 use crate::scene::observe::Name;
 use crate::tui;
@@ -275,6 +275,11 @@ pub enum Experiment {
         after_help = "Takes some eight minutes, --quick a minute. Example:\n  moltop experiment trade configs/seed-512.toml --quick --out results"
     )]
     Trade(trade::Options),
+    /// What each observable costs: how much longer a collision takes, on the oxygen, in a dense fluid, or in a scene of yours
+    #[command(
+        after_help = "Takes some minutes, --quick one. Example:\n  moltop experiment observables configs/mixture.toml --quick"
+    )]
+    Observables(observables::Options),
 }
 
 /// What `generate` makes.

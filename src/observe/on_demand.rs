@@ -13,7 +13,7 @@ use crate::observe::velocities::Velocities;
 use crate::state::State;
 
 /// Looks at the state from one at which structure is counted to the next: balls must have moved on.
-const LOOKS_PER_COUNT: u64 = 10;
+pub const LOOKS_PER_COUNT: u64 = 10;
 
 /// Observers that a scene asks for; `None` where it does not.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -1,4 +1,4 @@
-//! Observables on demand: from what a scene asks for to observers, and from what they found to figures and tables.
+//! Observables on demand: from what a scene asks for to observers, through a run, and from what they found to figures and tables.
 
 mod flights;
 mod motion;
@@ -9,6 +9,8 @@ mod transport;
 use serde::{Deserialize, Serialize};
 
 use self::motion::Group;
+use crate::engine::{Engine, Stuck};
+use crate::observe::Observer;
 use crate::observe::block_sums::Estimate;
 use crate::observe::correlator::Correlator;
 use crate::observe::density_profile::DensityProfile;
@@ -236,6 +238,40 @@ impl Plan {
         };
         let [from, to] = [at(free_times[0])?, at(free_times[1])?];
         (from < to).then_some([from, to])
+    }
+}
+
+/// Advances a gas to a simulated time, and shows it to the observers on demand at their instants, that far apart.
+///
+/// # Errors
+/// [`Stuck`] when the gas has no room.
+pub fn advance(
+    engine: &mut dyn Engine,
+    observer: &mut Observer,
+    on_demand: Option<(&mut OnDemand, f64)>,
+    target: f64,
+) -> Result<(), Stuck> {
+    let units = engine.state().units;
+    let Some((on_demand, every)) = on_demand else {
+        let until = units.instant(target);
+        return engine.advance_in_sums(until, &mut |report| observer.take(report));
+    };
+    loop {
+        let due = on_demand.looks as f64 * every;
+        let until = units.instant(due.min(target));
+        if on_demand.wants_collisions() {
+            engine.advance(until, &mut |collision| {
+                observer.record(collision);
+                on_demand.record(collision);
+            })?;
+        } else {
+            engine.advance_in_sums(until, &mut |report| observer.take(report))?;
+        }
+        if due > target {
+            return Ok(());
+        }
+        engine.settle();
+        on_demand.look(engine.state());
     }
 }
 

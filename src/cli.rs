@@ -275,6 +275,11 @@ pub enum Experiment {
         after_help = "Takes some eight minutes, --quick a minute. Example:\n  moltop experiment trade configs/seed-512.toml --quick --out results"
     )]
     Trade(trade::Options),
+    /// Structure, diffusion, viscosity and conductivity of hard spheres against density, beside the literature
+    #[command(
+        after_help = "Takes some minutes, --quick half a minute. Example:\n  moltop experiment fluid --quick --out results"
+    )]
+    Fluid(page::Options),
     /// What each observable costs: how much longer a collision takes, on the oxygen, in a dense fluid, or in a scene of yours
     #[command(
         after_help = "Takes some minutes, --quick one. Example:\n  moltop experiment observables configs/mixture.toml --quick"

@@ -8,6 +8,7 @@ pub mod double_double;
 pub mod echo;
 pub mod extremes;
 pub mod fit;
+pub mod fluid;
 pub mod gas;
 pub mod gases;
 pub mod growth;

@@ -129,6 +129,33 @@ fn a_fluid_has_its_contact_value_diffusion_and_transport_coefficients() {
     );
 }
 
+/// Diffusion of 500 balls against Speedy's fit (Mol. Phys. 62, 509, 1987), which sums up boxes of such a size: above Enskog's in
+/// the middle, below it near freezing. All densities: `moltop experiment fluid`.
+#[test]
+fn diffusion_follows_the_trend_of_the_reference_with_density() {
+    let over_enskog = [
+        (0.2, 0.876, 1.87404),
+        (0.5, 0.240, 7.68227),
+        (0.8, 0.0645, 22.9177),
+    ]
+    .map(|(density, reference, rate)| {
+        let (edge, until) = ((500.0_f64 / density).cbrt(), 2000.0 / rate);
+        let text =
+            fluid("motion = true", until).replace("[10, 10, 10]", &format!("{:?}", [edge; 3]));
+        let last = run(&text, Choice::default());
+        let diffusion = figure(&last, "motion", "diffusion_coefficient.balls");
+        let slow = last.temperature.expect("balls that move").sqrt();
+        let value = diffusion.value.expect("a long run") / slow;
+        assert!((value / reference - 1.0).abs() < 0.04, "{density}: {value}");
+        ratio(diffusion).0
+    });
+    let [gas, fluid, dense] = over_enskog;
+    assert!(
+        gas > 1.03 && fluid > gas + 0.07 && dense < 1.02,
+        "{over_enskog:?}"
+    );
+}
+
 /// Flights of a gas against the law that kinetic theory gives them: Pearson's sum over bins of enough flights.
 #[test]
 fn free_flights_are_spread_as_kinetic_theory_says() {

@@ -122,6 +122,9 @@ impl Plan {
     }
 
     /// The observers of what the scene asks for, before the run; `None` if that is nothing.
+    ///
+    /// # Panics
+    /// If the scene asks for what cannot be observed: such a scene is refused where it is read.
     pub fn observers(&self, state: &State) -> Option<OnDemand> {
         let mut observers = None;
         for &name in &self.observe.chosen {

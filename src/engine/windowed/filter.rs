@@ -99,10 +99,6 @@ impl Filter {
     /// the window, the later row first.
     pub fn find(&mut self, sheet: &Sheet, first: usize, pairs: &mut Vec<(u32, u32)>) {
         let (columns, count) = (sheet.columns(), sheet.count());
-        let most = (count - first.min(count)) * count.div_ceil(LANES) + 1;
-        if self.hits.len() < most {
-            self.hits.resize(most, 0);
-        }
         let found = self.machine.dispatch(Find {
             columns,
             first,
@@ -159,7 +155,7 @@ struct Find<'a> {
     first: usize,
     count: usize,
     contact_squared: f32,
-    hits: &'a mut [u64],
+    hits: &'a mut Vec<u64>,
 }
 
 impl WithSimd for Find<'_> {
@@ -181,6 +177,12 @@ impl WithSimd for Find<'_> {
         let chunks = S::as_simd_f32s(x).0.iter().zip(S::as_simd_f32s(y).0);
         let chunks = chunks.zip(S::as_simd_f32s(z).0.iter().zip(S::as_simd_f32s(u).0));
         let chunks = chunks.zip(S::as_simd_f32s(v).0.iter().zip(S::as_simd_f32s(w).0));
+        // Narrower vectors are more.
+        let most = (count - self.first.min(count)) * count.div_ceil(lanes) + 1;
+        if self.hits.len() < most {
+            self.hits.resize(most, 0);
+        }
+        let hits = &mut self.hits[..];
         let minus_contact_squared = simd.splat_f32s(-self.contact_squared);
         let zero = simd.splat_f32s(0.0);
         let mut found = 0;
@@ -208,7 +210,7 @@ impl WithSimd for Find<'_> {
                 let closeness = simd.mul_f32s(approach, simd.max_f32s(approach, zero));
                 let hit = simd.less_than_f32s(simd.mul_f32s(speed, beyond), closeness);
                 let hit = lanes_of::<S>(hit) << (begin % LANES);
-                self.hits[found] = place << 40 | (row as u64) << 16 | hit;
+                hits[found] = place << 40 | (row as u64) << 16 | hit;
                 found += usize::from(hit != 0);
             }
         }
@@ -240,4 +242,59 @@ pub fn relative(line: &Line, origin: [f32; 3]) -> [f32; 6] {
     let [x, y, z] = line.position;
     let [u, v, w] = line.velocity;
     [x - origin[0], y - origin[1], z - origin[2], u, v, w]
+}
+
+#[cfg(test)]
+mod tests {
+    use pulp::{Scalar, Scalar128b, Scalar256b, Scalar512b};
+
+    use super::*;
+
+    /// Pieces on a line that all fly towards its middle, so that the lines of any two touch.
+    fn crowd(count: usize) -> Sheet {
+        let mut sheet = Sheet::default();
+        sheet.fill(count, |row| {
+            let place = row as f32 - 0.5 * (count as f32 - 1.0);
+            [place, 0.0, 0.0, -place, 0.0, 0.0]
+        });
+        sheet
+    }
+
+    /// The pairs of rows that vectors of one width find.
+    fn pairs(simd: impl Simd, sheet: &Sheet, first: usize) -> Vec<(u64, u64)> {
+        let mut hits = Vec::new();
+        let found = Find {
+            columns: sheet.columns(),
+            first,
+            count: sheet.count(),
+            contact_squared: 0.01,
+            hits: &mut hits,
+        }
+        .with_simd(simd);
+        let pairs = hits[..found].iter().flat_map(|hit| {
+            let (row, begin) = (hit >> 16 & 0xff_ffff, (hit >> 40) * LANES as u64);
+            let lanes = (0..LANES as u64).filter(move |lane| hit >> lane & 1 == 1);
+            lanes.map(move |lane| (row, begin + lane))
+        });
+        let mut pairs: Vec<_> = pairs.filter(|(row, other)| other < row).collect();
+        pairs.sort_unstable();
+        pairs
+    }
+
+    #[test]
+    fn vectors_of_every_width_find_all_pairs_of_a_crowd() {
+        for count in [1, 2, 7, 16, 17, 45] {
+            let sheet = crowd(count);
+            for first in [0, count / 2, count] {
+                let rows = first as u64..count as u64;
+                let all: Vec<_> = rows
+                    .flat_map(|row| (0..row).map(move |other| (row, other)))
+                    .collect();
+                assert_eq!(pairs(Scalar, &sheet, first), all);
+                assert_eq!(pairs(Scalar128b, &sheet, first), all);
+                assert_eq!(pairs(Scalar256b, &sheet, first), all);
+                assert_eq!(pairs(Scalar512b, &sheet, first), all);
+            }
+        }
+    }
 }

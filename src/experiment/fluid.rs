@@ -22,7 +22,7 @@ use crate::worker::observables::{Known, Plan, advance};
 const DENSITIES: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 
 /// Balls, and for how many mean free times they are watched.
-const BOXES: [(u32, f64); 2] = [(500, 12_800.0), (4000, 3200.0)];
+const BOXES: [(u32, f64); 2] = [(500, 6400.0), (4000, 2400.0)];
 
 /// The same of `--quick`.
 const QUICK_BOXES: [(u32, f64); 1] = [(500, 1600.0)];

@@ -20,8 +20,8 @@ const MOST_TRACKED: usize = 1024;
 /// 1970), and near freezing it still falls, as cages open late. Boxes of 500 balls have their value after a hundred.
 const DIFFUSIVE: [[f64; 2]; 2] = [[10.0, 20.0], [100.0, 200.0]];
 
-/// Least part of the run that a lag may be: it then fits into a block several times, and blocks know little of one another.
-const LAGS_PER_RUN: f64 = 64.0;
+/// Lags that a run has room for, at least: each then fits into a block, and blocks know little of one another.
+const LAGS_PER_RUN: f64 = 32.0;
 
 /// Mean free times between which diffusion is read off, after a run of so many.
 fn diffusive(elapsed: f64) -> [f64; 2] {
@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn diffusion_is_read_off_later_in_a_longer_run() {
         assert_eq!(diffusive(30.0), [10.0, 20.0]);
-        assert_eq!(diffusive(64.0 * 30.0), [15.0, 30.0]);
+        assert_eq!(diffusive(LAGS_PER_RUN * 30.0), [15.0, 30.0]);
         assert_eq!(diffusive(1e9), [100.0, 200.0]);
     }
 }

@@ -82,8 +82,8 @@ fn fluid(observe: &str, until: f64) -> String {
     )
 }
 
-/// Reference values at this density: molecular dynamics over Enskog 1.20 for diffusion (Speedy 1987), which 500 balls in a
-/// periodic box lower by 6 % or so; viscosity 0.58 and conductivity 2.3 (Lue 2005) with the errors of a short run.
+/// Reference values at this density: molecular dynamics over Enskog 1.20 for diffusion in boxes of this size (Speedy 1987);
+/// viscosity 0.58 and conductivity 2.3 (Lue 2005) with the errors of a short run.
 #[test]
 fn a_fluid_has_its_contact_value_diffusion_and_transport_coefficients() {
     let last = run(

@@ -182,6 +182,31 @@ fn free_flights_are_spread_as_kinetic_theory_says() {
     }
 }
 
+/// Seventeen mean free times, at whose end each ball is on a flight that is longer than most: those must not lack.
+#[test]
+fn long_flights_are_not_missing_from_the_histogram_of_a_short_run() {
+    let text = "units = \"reduced\"\n[domain]\nkind = \"periodic\"\nsize = [63.5, 63.5, 63.5]\n\
+         [[species]]\ncount = 4000\nradius = 0.5\nmass = 1\nplacement = { kind = \"random\" }\n\
+         velocity = { kind = \"normal\", deviation = 1 }\n[observe]\nflights = true\n[run]\nuntil = 150\n";
+    let last = run(text, Choice::default());
+    let flights = observable(&last, "flights");
+    for name in ["path", "time"] {
+        let found = column(flights, &format!("flights_by_{name}"));
+        let edges = column(flights, &format!("free_{name}"));
+        let total: f64 = found.iter().sum();
+        assert!(total > 25_000.0, "{total}");
+        let half = 0.5 * edges[1];
+        let sum: f64 = found
+            .iter()
+            .zip(&edges)
+            .map(|(found, edge)| found * (edge + half))
+            .sum();
+        let mean = figure(&last, "flights", &format!("mean_free_{name}"));
+        let ratio = sum / total / mean.value.expect("flights");
+        assert!((ratio - 1.0).abs() < 0.02, "{name}: {ratio}");
+    }
+}
+
 /// Both exact engines show the observers the same gas: every number of every table, bit for bit.
 #[test]
 fn observables_are_the_same_with_both_engines_and_any_number_of_threads() {

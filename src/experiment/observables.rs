@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use crate::error::{Error, Result};
+use crate::experiment::fit::median;
 use crate::experiment::page::{Options as Common, Outputs, Page, Table, Value};
 use crate::experiment::progress::Progress;
 use crate::experiment::trial::{Trial, processor_seconds};
@@ -22,13 +23,14 @@ use crate::worker::observables::{Plan, advance};
 /// The dense fluid.
 const DENSE: &str = include_str!("../../configs/dense-fluid.toml");
 
-/// Pairs of slices, and processor time of a slice \[s\], at least.
-const PAIRS: u32 = 12;
-const SLICE_S: f64 = 0.5;
+/// Processor time for one observable in one scene \[s\], and with `--quick`.
+const BUDGET_S: [f64; 2] = [8.0, 2.0];
 
-/// The same of `--quick`.
-const QUICK_PAIRS: u32 = 4;
-const QUICK_SLICE_S: f64 = 0.1;
+/// Processor time of a slice, at least \[s\].
+const SLICE_S: f64 = 0.1;
+
+/// Pairs of slices, at least, whatever they cost.
+const FEWEST_PAIRS: f64 = 5.0;
 
 /// Mean free times that a gas is given to settle.
 const SETTLE: f64 = 60.0;
@@ -70,13 +72,9 @@ pub fn run(options: &Options) -> Result<u8> {
             Scene::parse(Path::new("configs/dense-fluid.toml"), DENSE)?,
         ],
     };
-    let (pairs, slice_s) = if options.common.quick {
-        (QUICK_PAIRS, QUICK_SLICE_S)
-    } else {
-        (PAIRS, SLICE_S)
-    };
-    let (of_pairs, kinds) = (2.0 * f64::from(pairs) * slice_s, Name::ALL.len() as f64);
-    let mut progress = Progress::new(scenes.len() as f64 * (kinds * of_pairs + SETTLE_S))?;
+    let budget = BUDGET_S[usize::from(options.common.quick)];
+    let kinds = Name::ALL.len() as f64;
+    let mut progress = Progress::new(scenes.len() as f64 * (kinds * budget + SETTLE_S))?;
     let columns = [
         "scene",
         "observable",
@@ -87,12 +85,12 @@ pub fn run(options: &Options) -> Result<u8> {
     ];
     let mut table = Table::new("cost", "What observing costs", &columns);
     for scene in &scenes {
-        let mut bench = Bench::new(scene, slice_s, &mut progress)?;
+        let mut bench = Bench::new(scene, budget, &mut progress)?;
         for name in Name::ALL {
             if progress.stopped() {
                 break;
             }
-            let Some(cost) = bench.cost(scene, name, pairs, &mut progress) else {
+            let Some(cost) = bench.cost(scene, name, &mut progress) else {
                 continue; // it cannot be measured here
             };
             table.push([
@@ -117,11 +115,12 @@ pub fn run(options: &Options) -> Result<u8> {
         title: "What observing costs",
         command,
         tables: vec![table],
-        paragraphs: vec![format!(
-            "One thread, processor time; {pairs} pairs of slices, with nothing observed and with one observable, in turn. Looks at \
-             all balls are as far apart as the scene says, or a fifth of a mean free time. The cost is how much longer a \
-             collision takes."
-        )],
+        paragraphs: vec![
+            "One thread, processor time; pairs of slices, with nothing observed and with one observable, in turn. Looks at all \
+             balls are as far apart as the scene says, or a fifth of a mean free time. The cost is how much longer a collision \
+             takes: the median of the pairs."
+                .to_owned(),
+        ],
         plots: Vec::new(),
     };
     if progress.stopped() {
@@ -138,10 +137,12 @@ struct Bench {
     every: f64,
     /// Looks in a slice.
     looks: u64,
+    /// Pairs of slices for each observable.
+    pairs: usize,
 }
 
 impl Bench {
-    fn new(scene: &Scene, slice_s: f64, progress: &mut Progress) -> Result<Self> {
+    fn new(scene: &Scene, budget: f64, progress: &mut Progress) -> Result<Self> {
         let words = format!("{}: settling", scene.title);
         progress.tell(0.0, &words);
         let placement = scene.place()?;
@@ -172,11 +173,13 @@ impl Bench {
         }
         let per_look = spent / looks.max(1) as f64;
         // Structure is counted at every tenth look: slices have whole counts.
-        let counts = (slice_s / per_look / LOOKS_PER_COUNT as f64).ceil();
+        let per_count = per_look * LOOKS_PER_COUNT as f64;
+        let counts = (SLICE_S / per_count).ceil().max(1.0);
         Ok(Self {
             trial,
             every,
-            looks: (counts as u64).max(1) * LOOKS_PER_COUNT,
+            looks: counts as u64 * LOOKS_PER_COUNT,
+            pairs: (0.5 * budget / (counts * per_count)).max(FEWEST_PAIRS) as usize,
         })
     }
 
@@ -198,13 +201,7 @@ impl Bench {
     }
 
     /// What an observable costs; `None` if it cannot be measured in this scene.
-    fn cost(
-        &mut self,
-        scene: &Scene,
-        name: Name,
-        pairs: u32,
-        progress: &mut Progress,
-    ) -> Option<Cost> {
+    fn cost(&mut self, scene: &Scene, name: Name, progress: &mut Progress) -> Option<Cost> {
         let wish = Scene {
             observe: Observe {
                 chosen: vec![name],
@@ -220,8 +217,8 @@ impl Bench {
         let mut observers = plan.observers(self.trial.state())?;
         let words = format!("{}: {}", scene.title, name.key());
         self.slice(Some(&mut observers)); // fills what it remembers
-        let (mut alone, mut shares) = (0.0, Vec::new());
-        for pair in 0..pairs {
+        let (mut alone, mut shares) = (Vec::new(), Vec::new());
+        for pair in 0..self.pairs {
             let start = processor_seconds();
             let [off, on] = if pair % 2 == 0 {
                 let off = self.slice(None);
@@ -230,20 +227,21 @@ impl Bench {
                 let on = self.slice(Some(&mut observers));
                 [self.slice(None), on]
             };
-            alone += off / f64::from(pairs);
+            alone.push(off);
             shares.push(on / off - 1.0);
             progress.tell(processor_seconds() - start, &words);
             if progress.stopped() {
                 return None;
             }
         }
-        let count = f64::from(pairs);
-        let share = shares.iter().sum::<f64>() / count;
-        let squares: f64 = shares.iter().map(|one| (one - share).powi(2)).sum();
+        let share = median(&shares);
+        let apart: Vec<f64> = shares.iter().map(|one| (one - share).abs()).collect();
+        // The median's error is 1.25 times the mean's, and a normal deviation 1.48 times the median one.
+        let deviation = 1.25 * 1.48 * median(&apart);
         Some(Cost {
-            each_ns: 1e9 * share * alone,
+            each_ns: 1e9 * share * median(&alone),
             share,
-            error: (squares / (count * (count - 1.0))).sqrt(),
+            error: deviation / (self.pairs as f64).sqrt(),
         })
     }
 }

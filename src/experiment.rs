@@ -12,6 +12,7 @@ pub mod fluid;
 pub mod gas;
 pub mod gases;
 pub mod growth;
+pub mod kept;
 pub mod observables;
 pub mod page;
 pub mod plot;

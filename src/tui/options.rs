@@ -13,6 +13,10 @@ use crate::tui::theme::{Colors, Palette, Theme, locale_is_utf8};
 /// What the command line says of the screen.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Screen")]
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "each is a flag of the command line, and any may be on with any other"
+)]
 pub struct Options {
     /// 7-bit characters only [default: where the locale is not UTF-8]
     #[arg(long, env = "MOLTOP_ASCII", value_parser = FalseyValueParser::new())]

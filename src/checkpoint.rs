@@ -38,6 +38,15 @@ pub const NEWEST: &str = "checkpoint";
 /// Name of the one before.
 pub const PREVIOUS: &str = "checkpoint.previous";
 
+/// Tells what a checkpoint belongs to from anything else.
+///
+/// Source: FNV-1a (Fowler, Noll, Vo; RFC 9923).
+pub fn hash(bytes: impl IntoIterator<Item = u8>) -> u64 {
+    bytes.into_iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
 /// Whether a file begins as a checkpoint does.
 pub fn is_checkpoint(path: &Path) -> bool {
     let mut magic = [0; MAGIC.len()];

@@ -279,12 +279,12 @@ pub enum Experiment {
     Queue(page::Options),
     /// Oxygen near standard conditions: temperature and pressure, sample by sample, against theory
     #[command(
-        after_help = "Takes some minutes on two cores, --quick ten seconds, --full hours. Example:\n  moltop experiment gas --quick --out results"
+        after_help = "Takes some minutes on two cores, --quick ten seconds, --full hours. With --out, one that was killed goes on from its last checkpoint when it is started again. Example:\n  moltop experiment gas --full --out results"
     )]
     Gas(gas::Options),
     /// Speed against accuracy on a scene of yours: what each engine and step costs, what it gets wrong, and which to take
     #[command(
-        after_help = "Takes some eight minutes, --quick a minute. Example:\n  moltop experiment trade configs/seed-512.toml --quick --out results"
+        after_help = "Takes some eight minutes, --quick a minute. With --out, one that was interrupted takes over the settings that it has measured when it is started again. Example:\n  moltop experiment trade configs/seed-512.toml --quick --out results"
     )]
     Trade(trade::Options),
 }

@@ -6,6 +6,7 @@ use crate::engine::contact::InstantWatch;
 use crate::event::{Collision, Participants};
 use crate::state::{State, Time};
 
+pub mod alternating;
 pub mod contact;
 pub mod event_driven;
 pub mod reversible;
@@ -54,6 +55,11 @@ pub trait Engine: Send {
 
     /// Events waiting; zero for an engine without a queue.
     fn queue_length(&self) -> usize;
+
+    /// When the gas last went from one method to another, if it has: [`Engine::name`] is that of the one that has it.
+    fn last_change(&self) -> Option<Time> {
+        None
+    }
 }
 
 /// What an engine reports.
@@ -129,6 +135,8 @@ pub enum Saved {
     Step(time_stepping::Saved),
     /// The statistical engine.
     Statistical(Box<statistical::Saved>),
+    /// Engines windowed and event in turns.
+    Alternating(alternating::Saved),
 }
 
 /// What an exact engine has counted.
@@ -148,6 +156,7 @@ impl Saved {
             Self::Reversible(saved) => saved.fits(ball_count),
             Self::Step(saved) => saved.fits(ball_count),
             Self::Statistical(saved) => saved.fits(ball_count),
+            Self::Alternating(saved) => saved.fits(ball_count),
         }
     }
 }

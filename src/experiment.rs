@@ -11,6 +11,7 @@ pub mod fit;
 pub mod gas;
 pub mod gases;
 pub mod growth;
+pub mod kept;
 pub mod page;
 pub mod plot;
 pub mod precise;

@@ -122,7 +122,7 @@ impl Trajectory {
 }
 
 /// Balls as a scene gives them, all at one instant, in the scene's units.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Placement {
     /// Where the balls live; its planes are relative to its centre.
     pub domain: Domain,

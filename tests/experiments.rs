@@ -3,7 +3,7 @@
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
@@ -66,6 +66,93 @@ fn an_interrupted_experiment_writes_what_it_has() {
     );
     assert!(read("growth-times.csv").starts_with("engine,balls,time_s,"));
     assert!(read("growth-time.svg").contains("processor time [s]"));
+}
+
+/// Waits until a file has been written again, and so is longer than it was at first.
+fn await_growth(file: &Path, child: &mut Child) {
+    let length = || fs::metadata(file).map_or(0, |found| found.len());
+    let mut first = 0;
+    while first == 0 || length() <= first {
+        if first == 0 {
+            first = length();
+        }
+        let ended = child.try_wait().expect("a child");
+        assert!(ended.is_none(), "it ended before it could be interrupted");
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn a_killed_trade_takes_over_what_was_measured_and_only_for_its_own_scene() {
+    let out = tempfile::tempdir().expect("a temporary directory");
+    let unfinished = out.path().join("trade.unfinished");
+    let file = out.path().join("scene.toml");
+    fs::write(&file, scene(60.0, WARM)).expect("written");
+    let command = |scene: &Path| {
+        let mut command = experiment("trade", out.path());
+        command.args(["--seconds", "0.2"]).arg(scene);
+        command
+    };
+    let mut child = command(&file).spawn().expect("the program starts");
+    await_growth(&unfinished, &mut child);
+    child.kill().expect("the program runs");
+    child.wait().expect("the program ends");
+    let other = out.path().join("other.toml");
+    fs::write(&other, scene(61.0, WARM)).expect("written");
+    let output = command(&other).output().expect("the program starts");
+    assert_eq!(output.status.code(), Some(2));
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        words.contains("of another scene") && words.contains("--force"),
+        "{words}"
+    );
+    let output = command(&file).output().expect("the program starts");
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{words}");
+    assert!(words.contains("measured before"), "{words}");
+    assert!(!unfinished.exists(), "the results are whole");
+    let page = fs::read_to_string(out.path().join("trade.md")).expect("written");
+    assert!(page.contains("until they had settled"), "{page}");
+}
+
+#[test]
+fn a_killed_gas_goes_on_from_its_checkpoint_to_the_same_numbers() {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let file = directory.path().join("scene.toml");
+    let text = "units = \"si\"\n[domain]\nkind = \"container\"\nsize = [2e-8, 2e-8, 2e-8]\n[[species]]\ncount = 1000\n\
+                radius = 1.73e-10\nmass = 5.3e-26\nvelocity = { kind = \"maxwell\", temperature = 273.15 }\n";
+    fs::write(&file, text).expect("written");
+    let command = |out: &Path| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_moltop"));
+        command
+            .args(["experiment", "gas", "--full", "--length", "3e-8"])
+            .args(["--checkpoint-every", "0s", "--out"])
+            .args([out, file.as_path()])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        command
+    };
+    let numbers = |out: &Path| fs::read_to_string(out.join("gas-samples.csv")).expect("written");
+    let whole = directory.path().join("whole");
+    let output = command(&whole).output().expect("the program starts");
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{words}");
+    let killed = directory.path().join("killed");
+    let unfinished = killed.join("gas.unfinished");
+    for _ in 0..3 {
+        let mut child = command(&killed).spawn().expect("the program starts");
+        await_growth(&unfinished, &mut child);
+        child.kill().expect("the program runs");
+        child.wait().expect("the program ends");
+    }
+    let output = command(&killed).output().expect("the program starts");
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{words}");
+    assert!(words.contains("goes on from"), "{words}");
+    assert!(!unfinished.exists(), "the results are whole");
+    assert_eq!(numbers(&killed), numbers(&whole));
+    assert_eq!(numbers(&whole).lines().count(), 21);
 }
 
 /// What `experiment trade` says of a scene in a moment.

@@ -164,3 +164,40 @@ fn a_reversed_run_collides_as_in_engine_event() {
     let windowed = turn(&mut Windowed::new(State::new(&placement), 1));
     assert_eq!(event, windowed);
 }
+
+/// What happens at one instant happens in the order of engine `event`, also where a later turn brings about an earlier one.
+#[test]
+fn collisions_at_one_instant_come_in_the_order_of_engine_event() {
+    // Twelve balls that reach the one in the middle together, and boxes in which all touch their walls.
+    let golden = 0.5 * (1.0 + 5.0_f64.sqrt());
+    let corners = [
+        (1.0, golden),
+        (1.0, -golden),
+        (-1.0, golden),
+        (-1.0, -golden),
+    ];
+    let directions: Vec<DVec3> = (corners.into_iter())
+        .flat_map(|(a, b)| [[0.0, a, b], [a, b, 0.0], [b, 0.0, a]])
+        .map(|direction| DVec3::from_array(direction).normalize())
+        .collect();
+    let mut star = lattice(1, 1.0, 8.0, 1);
+    star.velocities[0] = DVec3::ZERO;
+    star.positions
+        .extend(directions.iter().map(|direction| 3.0 * direction));
+    star.velocities
+        .extend(directions.iter().map(|direction| -direction));
+    compare(&star, 20.0, 40);
+    let mut middle_last = star;
+    middle_last.positions.rotate_left(1);
+    middle_last.velocities.rotate_left(1);
+    compare(&middle_last, 20.0, 40);
+    // Two rows between walls that they touch, with velocities of few bits: many collisions at one instant.
+    for seed in 0..20 {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut gas = lattice(3, 1.25, 3.5, seed);
+        for velocity in &mut gas.velocities {
+            *velocity = DVec3::from_array([(); 3].map(|()| f64::from(random.random_range(-2..=2))));
+        }
+        compare(&gas, 3.0, 100);
+    }
+}

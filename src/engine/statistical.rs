@@ -221,7 +221,7 @@ impl Statistical {
         let record = |(ball, flight): (usize, &Trajectory)| {
             Record::new(ball, flight.position_at(now.time), flight.velocity)
         };
-        let balls: Vec<Record> = self
+        let mut balls: Vec<Record> = self
             .state
             .trajectories
             .iter()
@@ -236,13 +236,14 @@ impl Statistical {
             tallies: &mut [],
             majorants: &mut [],
             bins: &mut self.bins[0],
+            cells: Vec::new(),
             faces: Vec::new(),
             collisions: Vec::new(),
         };
         round::fly::<true, false>(
             &self.rules,
             &self.state.bodies,
-            &balls,
+            &mut balls,
             now,
             &mut tally,
             &mut share,
@@ -285,6 +286,7 @@ impl Statistical {
                     .expect("all planes are shared out"),
                 planes,
                 bins,
+                cells: Vec::new(),
                 faces: Vec::new(),
                 collisions: Vec::new(),
             });

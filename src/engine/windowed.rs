@@ -10,8 +10,9 @@
 //! 3. **Commit** the meetings in order of time (`commits.rs`). One is valid if both pieces are then their balls' present flights.
 //!
 //! What always holds: every two pieces are tested when the later one is listed, in the cell of their contact point; whether a
-//! piece has begun or ended before a meeting is settled when that meeting's turn comes. So the collisions are those of the true
-//! dynamics, and since predictions are pure functions of trajectories they are those of engine `event`, bit for bit.
+//! piece has begun or ended before a meeting is settled when that meeting's turn comes; among collisions at one instant, a turn
+//! that came before its cause is taken up again. So the collisions are those of the true dynamics, and since predictions are pure
+//! functions of trajectories they are those of engine `event`, bit for bit.
 //!
 //! The exact flights are in the state, by ball. Beside them the engine keeps one `Line` of 32 bytes for each: where it is at
 //! the beginning of the window and its velocity, in f32, moved on from window to window and made anew from the exact flight at
@@ -26,6 +27,7 @@ mod meeting;
 mod paths;
 mod pieces;
 mod region;
+mod scratch;
 mod sheet;
 mod tuning;
 
@@ -42,6 +44,8 @@ use meeting::Meeting;
 use paths::{Gas, Window};
 use pieces::{FRESH, LATER, Line, MOST_REGIONS, NONE, Numbering, Past, Piece, Pieces};
 use region::{Region, Shelves};
+use scratch::Scratch;
+use tuning::Work;
 
 /// Windows between two sortings of the balls.
 const WINDOWS_PER_SORT: u32 = 5;
@@ -77,11 +81,17 @@ pub struct Windowed {
     turns: usize,
     /// Largest component of any piece's velocity since the balls were sorted.
     fastest: f32,
+    /// What the windows since then took.
+    work: Work,
+    /// Whether the windows before that were worth their work.
+    paying: bool,
     /// Meetings found before the window's commits began, in order, and how many of them are done.
-    meetings: Vec<Meeting>,
+    meetings: Scratch<Meeting>,
     done: usize,
     /// Meetings of pieces that began during the commits.
     follow_ups: BinaryHeap<Meeting>,
+    /// Meetings of the instant that has been reached which were not valid when their turn came.
+    put_off: Vec<Meeting>,
     instants: InstantWatch,
     counters: Counters,
 }
@@ -112,11 +122,67 @@ impl Windowed {
     /// # Panics
     /// If [`Self::supports`] does not hold.
     pub fn resume(state: State, threads: usize, tally: Tally) -> Self {
-        Self {
-            counters: tally.counters,
-            instants: tally.instants,
-            ..Self::new(state, threads)
+        let mut engine = Self::new(state, threads);
+        engine.counters = tally.counters;
+        engine.instants = tally.instants;
+        engine.last_sort.1 = engine.counters.pair_collisions;
+        engine
+    }
+
+    /// Length of a window \[epochs\].
+    pub fn window_length(&self) -> f64 {
+        self.length
+    }
+
+    /// Like [`Engine::advance`], but stops where windows have turned out not to pay: when one is full and no time has passed, or
+    /// when those between two sortings took more work than engine `event` would have. Gives whether it came to `until`.
+    ///
+    /// To go on all the same, it can be called again. Where it stops does not depend on the number of threads.
+    ///
+    /// # Errors
+    /// As [`Engine::advance`].
+    pub fn advance_while_it_pays(
+        &mut self,
+        until: Time,
+        report: &mut dyn FnMut(&Collision),
+    ) -> Result<bool, Stuck> {
+        while self.state.now < until {
+            let window = if let Some(window) = self.window {
+                window
+            } else {
+                if self.windows_since_sort >= WINDOWS_PER_SORT {
+                    self.sort();
+                    if !self.paying {
+                        return Ok(false);
+                    }
+                }
+                self.open()
+            };
+            let limit = if until < window.end {
+                until
+            } else {
+                window.end
+            };
+            // Long lists are slow to search: when the window is full, a new one begins.
+            let full = self.commit_until(limit, window, report)?;
+            if !full {
+                self.state.now = limit;
+            }
+            self.counters.queue_length_max = self
+                .counters
+                .queue_length_max
+                .max(self.queue_length() as u64);
+            if full || limit == window.end {
+                self.close();
+            }
+            if full {
+                self.windows_since_sort = WINDOWS_PER_SORT;
+                if self.state.now == window.begin {
+                    return Ok(false);
+                }
+            }
         }
+        Ok(true)
     }
 
     /// Like [`Self::new`], with a thread for each of so many regions even if that does not pay.
@@ -140,17 +206,22 @@ impl Windowed {
             lines: Vec::new(),
             radii: Vec::new(),
             pieces: [pieces(), pieces(), pieces()],
-            past: Past(std::array::from_fn(|_| vec![Vec::new(); region_count])),
+            past: Past(std::array::from_fn(|_| {
+                vec![Scratch::default(); region_count]
+            })),
             window: None,
             length: 1.0,
             behind: false,
             windows_since_sort: 0,
             last_sort: (state.now, 0),
+            work: Work::default(),
+            paying: true,
             turns: 0,
             fastest: 0.0,
-            meetings: Vec::new(),
+            meetings: Scratch::default(),
             done: 0,
             follow_ups: BinaryHeap::new(),
+            put_off: Vec::new(),
             instants: InstantWatch::new(count),
             counters: Counters::default(),
             state,
@@ -272,14 +343,13 @@ impl Windowed {
             0.0
         };
         let width = self.grid.width().min_element();
+        let work = std::mem::take(&mut self.work);
+        self.paying = work.pays(&self.state, width, deviation * elapsed);
         self.length = tuning::window_length(&self.state, width, deviation, rate);
     }
 
     /// Lists all balls and finds the meetings of the window that begins at the present.
     fn open(&mut self) -> Window {
-        if self.windows_since_sort >= WINDOWS_PER_SORT {
-            self.sort();
-        }
         self.windows_since_sort += 1;
         self.turns = 0;
         let window = self.next_window();
@@ -349,8 +419,12 @@ impl Windowed {
             });
         }
         side_by_side(regions.iter_mut(), |region| region.sort(window.span()));
+        self.work.windows += 1;
+        for region in &regions {
+            self.work.census += region.census;
+        }
 
-        self.meetings.clear();
+        self.meetings.empty();
         self.done = 0;
         if let [region] = &mut regions[..] {
             std::mem::swap(&mut self.meetings, &mut region.meetings);
@@ -374,8 +448,10 @@ impl Windowed {
         self.fastest = self.regions.iter().fold(self.fastest, |fastest, region| {
             region.fastest().max(fastest)
         });
+        self.work.turns += self.turns as u64;
         self.follow_ups.clear();
-        self.meetings.clear();
+        self.put_off.clear();
+        self.meetings.empty();
         self.done = 0;
         self.window = None;
     }
@@ -418,29 +494,7 @@ impl Engine for Windowed {
     }
 
     fn advance(&mut self, until: Time, report: &mut dyn FnMut(&Collision)) -> Result<(), Stuck> {
-        while self.state.now < until {
-            let window = self.window.unwrap_or_else(|| self.open());
-            let limit = if until < window.end {
-                until
-            } else {
-                window.end
-            };
-            // Long lists are slow to search: when the window is full, a new one begins.
-            let full = self.commit_until(limit, window, report)?;
-            if !full {
-                self.state.now = limit;
-            }
-            self.counters.queue_length_max = self
-                .counters
-                .queue_length_max
-                .max(self.queue_length() as u64);
-            if full {
-                self.windows_since_sort = WINDOWS_PER_SORT;
-            }
-            if full || limit == window.end {
-                self.close();
-            }
-        }
+        while !self.advance_while_it_pays(until, report)? {}
         Ok(())
     }
 

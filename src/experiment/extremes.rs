@@ -23,6 +23,7 @@ mod verdict;
 
 use std::panic::catch_unwind;
 use std::path::PathBuf;
+use std::process::Command;
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
@@ -59,6 +60,8 @@ pub struct Row {
     pub tier: Tier,
     /// About how long it takes \[s\].
     pub expected_s: f64,
+    /// Whether it watches the memory of its process, and so is given one in which no other row has left any.
+    pub alone: bool,
     /// Runs it.
     pub run: fn() -> Verdict,
 }
@@ -77,6 +80,7 @@ const fn row(
         engines,
         tier,
         expected_s,
+        alone: false,
         run,
     }
 }
@@ -107,22 +111,22 @@ pub const ROWS: &[Row] = {
         row(14, A, 0.2, "event, windowed", "clock that started long ago", units::late_start),
         row(15, A, 0.1, "event, windowed", "box far from the origin", units::far_away),
         row(16, B, 3.0, "event", "a ball 1e12 times as heavy", mixed::heavy),
-        row(17, B, 3.0, "event", "a ball 1e4 times as large", mixed::large),
+        row(17, B, 3.0, "event", "a ball 1e4 times as large", mixed::large).alone(),
         row(18, B, 60.0, "windowed", "packing fraction 1e-8", mixed::dilute),
         row(19, B, 80.0, "event", "fluid at packing fraction 0.49", dense::dense_fluid),
         row(20, B, 40.0, "event", "crystal at packing fraction 0.70", dense::crystal),
         row(21, A, 0.1, "event, step", "rest, one mover, one ball, none", corners::rest),
         row(22, A, 0.1, EXACT, "collisions at one instant", corners::simultaneous),
         row(23, A, 2.0, ALL, "corners, edges and flush starts", corners::corners),
-        row(24, A, 2.0, "event", "a ball flush on a wall is struck", corners::struck_at_a_wall),
+        row(24, A, 4.0, "event, windowed", "a ball flush on a wall is struck", corners::struck_at_a_wall),
         row(25, A, 2.0, "event", "echo of the seed's scene", reversal::echo),
         row(26, A, 1.0, "reversible", "exact echo of the seed's scene", reversal::exact_echo),
         row(26, B, 2.0, "reversible", "exact echo of 64 balls over 2000 s", reversal::long_exact_echo),
         row(26, B, 20.0, "reversible", "exact echo of 15,625 balls, a hundred collisions each", reversal::large_exact_echo),
         row(27, B, 5.0, "event", "growth of the echo's error", reversal::growth),
         row(28, A, 2.0, ALL, "the same bits, however it is run", sameness::same_bits),
-        row(29, C, 1800.0, "event", "a thousand million collisions", soak::soak),
-        row(29, C, 300.0, "windowed", "a tenth of that, windowed", soak::soak_windowed),
+        row(29, C, 1800.0, "event", "a thousand million collisions", soak::soak).alone(),
+        row(29, C, 300.0, "windowed", "a tenth of that, windowed", soak::soak_windowed).alone(),
         row(30, A, 3.0, ALL, "virial ledger", sameness::ledger),
         row(31, B, 200.0, "event", "equation of state", fluid::pressure),
         row(31, B, 5.0, "windowed", "equation of state and collision rate, windowed", fluid::windowed),
@@ -130,8 +134,8 @@ pub const ROWS: &[Row] = {
         row(33, B, 10.0, "event, step", "speeds from Maxwell's and from equal ones", fluid::speeds),
         row(34, B, 10.0, "event", "mixture, masses 1:16, radii 1:2", mixed::mixture),
         row(35, C, 60.0, "event", "diffusion", fluid::diffusion),
-        row(36, B, 10.0, "windowed", "all of oxygen, 10 ps", oxygen::short),
-        row(36, C, 120.0, "windowed", "all of oxygen, 1 ns and 1 ns more", oxygen::long),
+        row(36, B, 10.0, "windowed", "all of oxygen, 10 ps", oxygen::short).alone(),
+        row(36, C, 120.0, "windowed", "all of oxygen, 1 ns and 1 ns more", oxygen::long).alone(),
         row(37, B, 10.0, "step", "laws of the step's errors", steps::laws),
         row(38, A, 2.0, "step", "collisions of engine step", steps::counts),
         row(39, A, 2.0, "event", "balls on a line", toys::line),
@@ -206,15 +210,68 @@ pub struct Done {
     pub wall_time_s: f64,
 }
 
+/// The name that tells a part of a row from the others: its number and tier, and its engines where that is not enough.
+fn part(row: &Row) -> String {
+    let Row { number, tier, .. } = row;
+    let same = |other: &&Row| (other.number, other.tier) == (*number, *tier);
+    if ROWS.iter().filter(same).count() > 1 {
+        format!("{number} {tier:?} ({})", row.title)
+    } else {
+        format!("{number} {tier:?}")
+    }
+}
+
 impl Row {
+    const fn alone(self) -> Self {
+        Self {
+            alone: true,
+            ..self
+        }
+    }
+
     /// Runs the row; a panic in it is a failure like any other.
     pub fn run(&self) -> Done {
+        self.done(|| {
+            catch_unwind(self.run).unwrap_or_else(|_| {
+                let mut verdict = Verdict::default();
+                verdict.holds("runs to its end", false, "yes, and it panicked");
+                verdict
+            })
+        })
+    }
+
+    /// Runs the row in a process of its own.
+    fn run_apart(&self, options: &Options) -> Done {
+        self.done(|| {
+            self.verdict_from_apart(options).unwrap_or_else(|why| {
+                let mut verdict = Verdict::default();
+                let required = format!("yes, in a process of its own: {why}");
+                verdict.holds("runs to its end", false, &required);
+                verdict
+            })
+        })
+    }
+
+    /// What another process finds; or why it finds nothing.
+    fn verdict_from_apart(&self, options: &Options) -> std::result::Result<Verdict, String> {
+        let program = std::env::current_exe().map_err(|error| error.to_string())?;
+        let output = Command::new(program)
+            .args(["experiment", "extremes", "--json"])
+            .args(["--row", &self.number.to_string()])
+            .args(["--tier", &format!("{:?}", self.tier)])
+            .args(["--engine", self.engines])
+            .args(["--soak", &options.soak.to_string()])
+            .output()
+            .map_err(|error| error.to_string())?;
+        let words = || String::from_utf8_lossy(&output.stderr).trim().to_owned();
+        let mut document: serde_json::Value =
+            serde_json::from_slice(&output.stdout).map_err(|_| words())?;
+        serde_json::from_value(document["rows"][0].take()).map_err(|error| error.to_string())
+    }
+
+    fn done(&self, run: impl FnOnce() -> Verdict) -> Done {
         let began = Instant::now();
-        let verdict = catch_unwind(self.run).unwrap_or_else(|_| {
-            let mut verdict = Verdict::default();
-            verdict.holds("runs to its end", false, "yes, and it panicked");
-            verdict
-        });
+        let verdict = run();
         Done {
             number: self.number,
             title: self.title,
@@ -248,14 +305,19 @@ pub fn run(options: &Options) -> Result<u8> {
         }
         let (place, count, Row { number, title, .. }) = (index + 1, rows.len(), row);
         progress.tell(0.0, &format!("{place} of {count}: row {number}, {title}"));
-        done.push(row.run());
+        done.push(if row.alone && count > 1 {
+            row.run_apart(options)
+        } else {
+            row.run()
+        });
         progress.tell(row.expected_s, title);
         if !options.json {
             report::print_row(&done[index])?;
         }
     }
-    report::finish(&done, options.json)?;
-    outputs.write(&done)?;
+    let report = report::Report::new(&done);
+    report.finish(options.json)?;
+    outputs.write(&report)?;
     let failed = done.iter().any(|row| row.outcome == Outcome::Fail);
     Ok(progress.code().max(u8::from(failed)))
 }

@@ -230,6 +230,8 @@ pub struct Series {
     glyph: Option<Glyph>,
     hollow: bool,
     line: Option<Line>,
+    /// Which of the colours; by its place among the series if none was chosen.
+    colour: Option<usize>,
 }
 
 impl Series {
@@ -242,6 +244,7 @@ impl Series {
             glyph: Some(glyph),
             hollow: false,
             line: None,
+            colour: None,
         }
     }
 
@@ -281,6 +284,19 @@ impl Series {
             hollow: true,
             ..self
         }
+    }
+
+    /// In the colour of this number, which series that belong together can share.
+    #[must_use]
+    pub fn coloured(self, number: usize) -> Self {
+        Self {
+            colour: Some(number),
+            ..self
+        }
+    }
+
+    fn colour(&self, place: usize) -> RGBColor {
+        COLOURS[self.colour.unwrap_or(place) % COLOURS.len()]
     }
 
     /// The points, each with a bar from `y - error` to `y + error`.
@@ -362,7 +378,7 @@ impl Plot {
             .light_line_style(TRANSPARENT)
             .draw()?;
         for (number, series) in self.series.iter().enumerate() {
-            let colour = COLOURS[number % COLOURS.len()];
+            let colour = series.colour(number);
             let points: Vec<_> = series
                 .points
                 .iter()
@@ -411,7 +427,7 @@ impl Plot {
             .into_text_style(root)
             .pos(Pos::new(HPos::Left, VPos::Center));
         for ((number, series), y) in self.series.iter().enumerate().zip((60..).step_by(24)) {
-            let colour = COLOURS[number % COLOURS.len()];
+            let colour = series.colour(number);
             let ends = [(PICTURE + 4, y), (PICTURE + 40, y)];
             match series.line {
                 Some(Line::Solid) => root.draw(&PathElement::new(ends, colour.stroke_width(2)))?,
@@ -463,6 +479,9 @@ fn draw_glyph<'a>(
             .collect()
     };
     let stroke = |corners: &[(i32, i32)]| root.draw(&PathElement::new(path(corners), outline));
+    // A cross has nothing to fill: it is thin instead of hollow.
+    let weight = colour.stroke_width(if hollow { 1 } else { 4 });
+    let bar = |ends: &[(i32, i32)]| root.draw(&PathElement::new(path(ends), weight));
     let polygon = |corners: &[(i32, i32)]| {
         root.draw(&Polygon::new(path(corners), fill))?;
         stroke(&[corners, &corners[..1]].concat())
@@ -476,12 +495,12 @@ fn draw_glyph<'a>(
         Glyph::Triangle => polygon(&[(0, -7), (6, 5), (-6, 5)]),
         Glyph::Diamond => polygon(&[(0, -7), (7, 0), (0, 7), (-7, 0)]),
         Glyph::Cross => {
-            stroke(&[(-5, -5), (5, 5)])?;
-            stroke(&[(-5, 5), (5, -5)])
+            bar(&[(-5, -5), (5, 5)])?;
+            bar(&[(-5, 5), (5, -5)])
         }
         Glyph::Plus => {
-            stroke(&[(-6, 0), (6, 0)])?;
-            stroke(&[(0, -6), (0, 6)])
+            bar(&[(-6, 0), (6, 0)])?;
+            bar(&[(0, -6), (0, 6)])
         }
         Glyph::Dot => root.draw(&Circle::new((x, y), 2, colour.filled())),
     }

@@ -25,6 +25,8 @@ pub struct Progress {
     told: Option<Instant>,
     total: f64,
     done: f64,
+    /// Done by a run before this one.
+    before: f64,
 }
 
 impl Progress {
@@ -39,12 +41,18 @@ impl Progress {
             told: None,
             total,
             done: 0.0,
+            before: 0.0,
         })
     }
 
     /// The work turns out to be another amount in all.
     pub fn expect(&mut self, total: f64) {
         self.total = total;
+    }
+
+    /// So many seconds of work were done by a run before this one.
+    pub fn already(&mut self, seconds: f64) {
+        self.before += seconds;
     }
 
     /// Says what is being done, now and then, with the time that is left; `seconds` of work have been done since the last call.
@@ -56,13 +64,13 @@ impl Progress {
             return;
         }
         self.told = Some(Instant::now());
-        let share = (self.done / self.total).min(1.0);
-        let pace = if share < KNOWN_SHARE {
+        let share = ((self.before + self.done) / self.total).min(1.0);
+        let pace = if self.done < KNOWN_SHARE * (self.total - self.before) {
             1.0
         } else {
             self.began.elapsed().as_secs_f64() / self.done
         };
-        let left = duration((self.total - self.done).max(0.0) * pace);
+        let left = duration((self.total - self.before - self.done).max(0.0) * pace);
         let line = format!("{:3.0} %, about {left} left: {words}", 100.0 * share);
         if terminal {
             let _ = write!(io::stderr(), "\r\x1b[K{line}\r");

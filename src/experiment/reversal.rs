@@ -4,6 +4,8 @@
 //! its measures. What comes back tells how reversible a method is, not how right: a method can retrace a wrong way. So the error
 //! of the way there stands beside it, against the exact engine.
 
+mod steps;
+
 use crate::error::Result;
 use crate::experiment::double_double::DoubleDouble;
 use crate::experiment::echo::Echo;
@@ -95,7 +97,7 @@ fn mean(values: &[f64]) -> f64 {
 /// # Errors
 /// When results cannot be written.
 pub fn run(options: &Options) -> Result<u8> {
-    let tables = ["errors", "seed", "trajectories"];
+    let tables = ["errors", "seed", "trajectories", "steps"];
     let outputs = Outputs::new(
         "reversal",
         options,
@@ -115,6 +117,7 @@ pub fn run(options: &Options) -> Result<u8> {
     let mut progress = Progress::new(costs.sum())?;
     let (points, scatter) = measure(&methods, &times, &mut progress);
     let growth = growth(&points);
+    let (steps, why) = steps::causes(options.quick, &mut progress);
     let mut page = Page {
         name: "reversal",
         title: "There and back",
@@ -126,10 +129,12 @@ pub fn run(options: &Options) -> Result<u8> {
             errors(&methods, &points),
             beside_the_seed(&points),
             trajectories(&methods),
+            steps,
         ],
         paragraphs: growth
             .map(|(exponent, at_zero)| words(exponent, at_zero))
             .into_iter()
+            .chain(why)
             .collect(),
         plots: vec![
             plot("position", &methods, &points, growth),

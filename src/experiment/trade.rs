@@ -1,10 +1,12 @@
 //! `moltop experiment trade`: what each setting costs on a scene of the user's, and what it gets wrong.
 //!
-//! All settings start from the same settled gas and run on the clock. Speed and averages are from the same run; averages are
+//! All settings start from the same settled gas ([`settle`]) and run on the clock. Speed and averages are from the same run; averages are
 //! held against an exact engine that ran longer, each with its noise. Trajectories are held against twice the precision on a
-//! part of the gas. The recommendation is read off the measurements.
+//! part of the gas. The recommendation is read off the measurements. With `--out`, what is known of finished settings is kept
+//! there, and an interrupted experiment goes on with the next one.
 
 mod settings;
+mod settle;
 mod statistics;
 mod tables;
 mod trajectories;
@@ -13,34 +15,25 @@ mod verdict;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use serde::{Deserialize, Serialize};
 
-use crate::engine::windowed::Windowed;
 use crate::error::{Error, Result};
+use crate::experiment::kept::Kept;
 use crate::experiment::page::{Options as Common, Outputs, Page};
 use crate::experiment::progress::Progress;
-use crate::experiment::trial::{EVENT, Trial};
 use crate::quantity::{Quantity, duration, plain, quantity};
-use crate::run::load;
+use crate::run::{load, say};
 use crate::scene::Scene;
-use crate::scene::analysis::{Theory, temperature};
 use crate::state::Placement;
 use crate::worker::engines::{Accuracy, Choice, EngineName, Wishes, thermal_speed};
-use settings::Settings;
+use settings::{Setting, Settings};
+use settle::Start;
 use statistics::{Limits, Measured, measure};
-use trajectories::{Judge, LOOKS, TURNS};
+use trajectories::{Faith, Judge, LOOKS, TURNS};
 use verdict::{Promise, Row};
-
-/// Mean free times in which a gas forgets how it was placed.
-const SETTLE: f64 = 5.0;
 
 /// Mean free times over which displacements are measured.
 const WINDOW: f64 = 4.0;
-
-/// Budgets in which it must have done so.
-const PATIENCE: f64 = 8.0;
-
-/// Mean free times after which a gas that had no time for more is taken for settled all the same.
-const HARDLY_SETTLED: f64 = 2.0;
 
 /// How much longer the reference runs than the others.
 const REFERENCE: f64 = 3.0;
@@ -56,6 +49,9 @@ const MOST_FOLLOWED: usize = 1000;
 
 /// The same with `--quick`.
 const QUICK_FOLLOWED: usize = 300;
+
+/// Seconds that following single balls may always take.
+const LEAST_FOLLOWING: f64 = 1.0;
 
 /// What the user asks for.
 #[derive(Clone, Debug, Default, Args)]
@@ -84,15 +80,19 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
-/// The gas that all settings start from.
-struct Start {
-    gas: Placement,
-    /// Mean time between two collisions of a ball, or to cross the box if there are none; in the scene's units.
-    free_time: f64,
-    /// Mean free times it has settled for.
-    settled: f64,
-    /// Whether balls meet at all.
-    collides: bool,
+/// What is kept of an experiment that is not finished.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Unfinished {
+    start: Start,
+    settings: Vec<Finished>,
+}
+
+/// What one setting has shown.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Finished {
+    choice: Choice,
+    measured: Measured,
+    faith: Option<Faith>,
 }
 
 /// Runs the experiment; gives the exit code.
@@ -100,25 +100,47 @@ struct Start {
 /// # Errors
 /// When the scene is no good or results cannot be written.
 pub fn run(options: &Options) -> Result<u8> {
-    let outputs = Outputs::new(
-        "trade",
-        &options.common,
-        &["settings", "numbers", "faith", "accuracy", "refused"],
-        &["pressure", "trajectories"],
-    )?;
     let scene = load(options.scene.as_ref())?;
     let quick = options.common.quick;
     let budget = (options.seconds).unwrap_or(if quick { QUICK_SECONDS } else { SECONDS });
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let several = options.threads.map_or_else(cores, usize::from);
-    let placed = scene.place()?;
-    if placed.positions.is_empty() || thermal_speed(&placed) <= 0.0 {
-        let words = "experiment trade: nothing moves in this scene: there is nothing to trade";
-        return Err(Error::Usage(words.to_owned()));
-    }
+    let most = if quick { QUICK_FOLLOWED } else { MOST_FOLLOWED };
+    let what = format!("{} {several} {most}\n{}", budget.to_bits(), scene.source);
+    let kept = Kept::new(options.common.out.as_deref(), "trade", &what);
+    let unfinished: Option<Unfinished> = kept.load(options.common.force)?;
+    let outputs = Outputs::new(
+        "trade",
+        &Common {
+            // What an interrupted run has written is replaced by what the whole one has.
+            force: options.common.force || unfinished.is_some(),
+            ..options.common.clone()
+        },
+        &[
+            "settling", "settings", "numbers", "faith", "accuracy", "refused",
+        ],
+        &["pressure", "trajectories"],
+    )?;
     let mut progress = Progress::new(budget * (REFERENCE + 1.0))?;
-    let start = Start::settle(&scene, &placed, several, budget, &mut progress);
-    drop(placed);
+    let mut known = if let Some(unfinished) = unfinished {
+        unfinished
+    } else {
+        let fresh = Unfinished {
+            start: start(&scene, several, budget, &mut progress)?,
+            settings: Vec::new(),
+        };
+        if !progress.stopped() {
+            kept.store(&fresh)?;
+        }
+        fresh
+    };
+    if !known.settings.is_empty() {
+        say(&format!(
+            "{} settings were measured before and are taken over",
+            known.settings.len()
+        ));
+    }
+    let start = known.start.clone();
     let promises: Vec<_> = Accuracy::value_variants()
         .iter()
         .map(|&accuracy| (accuracy, chosen(accuracy, &start.gas, scene.seed)))
@@ -129,44 +151,15 @@ pub fn run(options: &Options) -> Result<u8> {
         .only(&options.engines);
     let count = settings.allowed.len() as f64;
     progress.expect(budget * (count + REFERENCE + 1.0));
-    let judge = Judge::new(
-        &start.gas,
-        start.free_time,
-        if quick { QUICK_FOLLOWED } else { MOST_FOLLOWED },
-    );
-    let mut rows: Vec<Row> = Vec::new();
-    let mut reference: Option<Measured> = None;
-    for setting in settings.allowed {
-        if progress.stopped() {
-            break;
-        }
-        let limits = Limits {
-            budget: if reference.is_none() {
-                REFERENCE * budget
-            } else {
-                budget
-            },
-            free_time: start.free_time,
-            window: WINDOW,
-        };
-        let measured = measure(
-            setting.choice,
-            &start.gas,
-            limits,
-            &setting.name,
-            &mut progress,
-        );
-        let faith = judge.as_ref().filter(|judge| {
-            // A part of the balls takes about that part of the time.
-            let share = judge.balls() as f64 / start.gas.positions.len() as f64;
-            let expected = judge.time() / measured.speed() * share;
-            let follows = !matches!(setting.choice, Choice::Statistical { .. });
-            follows && expected < 2.0 * budget && !progress.stopped()
-        });
-        let faith = faith.and_then(|judge| judge.judge(setting.choice));
-        let reference = reference.get_or_insert_with(|| measured.clone());
-        rows.push(Row::new(setting, measured, reference, faith));
-    }
+    let judge = Judge::new(&start.gas, start.free_time, most);
+    let allowed = settings.allowed;
+    let mut rows = measure_all(
+        allowed,
+        &mut known,
+        &kept,
+        (judge.as_ref(), budget),
+        &mut progress,
+    )?;
     verdict::mark(&mut rows);
     let promises: Vec<Promise> = promises
         .iter()
@@ -180,6 +173,7 @@ pub fn run(options: &Options) -> Result<u8> {
         title: "Speed against accuracy",
         command: command(options),
         tables: vec![
+            tables::settling(&start),
             tables::averages(&rows, scene.units),
             tables::numbers(&rows),
             tables::faith(&rows),
@@ -191,11 +185,87 @@ pub fn run(options: &Options) -> Result<u8> {
     };
     page.tables.retain(|table| !table.rows.is_empty());
     if progress.stopped() {
-        page.paragraphs
-            .push("Interrupted: this is what had been measured.".to_owned());
+        page.paragraphs.push(kept.interrupted().to_owned());
     }
     outputs.finish(&page)?;
+    if !progress.stopped() {
+        kept.remove();
+    }
     Ok(progress.code())
+}
+
+/// Measures the settings that are not known yet, and keeps each as soon as it is.
+fn measure_all(
+    settings: Vec<Setting>,
+    known: &mut Unfinished,
+    kept: &Kept,
+    (judge, budget): (Option<&Judge>, f64),
+    progress: &mut Progress,
+) -> Result<Vec<Row>> {
+    let mut rows: Vec<Row> = Vec::new();
+    let mut reference: Option<Measured> = None;
+    for setting in settings {
+        let first = reference.is_none();
+        let limits = Limits {
+            budget: if first { REFERENCE * budget } else { budget },
+            free_time: known.start.free_time,
+            window: WINDOW,
+        };
+        let mut before = known.settings.iter();
+        let before = before.find(|finished| finished.choice == setting.choice);
+        let finished = if let Some(finished) = before {
+            progress.already(limits.budget);
+            finished.clone()
+        } else if progress.stopped() {
+            break;
+        } else {
+            let finished = run_setting(&setting, &known.start, limits, judge, progress);
+            if !progress.stopped() {
+                known.settings.push(finished.clone());
+                kept.store(known)?;
+            }
+            finished
+        };
+        let Finished {
+            measured, faith, ..
+        } = finished;
+        let reference = reference.get_or_insert_with(|| measured.clone());
+        rows.push(Row::new(setting, measured, reference, faith));
+    }
+    Ok(rows)
+}
+
+/// The settled gas of a scene.
+fn start(scene: &Scene, threads: usize, budget: f64, progress: &mut Progress) -> Result<Start> {
+    let placed = scene.place()?;
+    if placed.positions.is_empty() || thermal_speed(&placed) <= 0.0 {
+        let words = "experiment trade: nothing moves in this scene: there is nothing to trade";
+        return Err(Error::Usage(words.to_owned()));
+    }
+    Ok(Start::settle(scene, &placed, threads, budget, progress))
+}
+
+/// Measures a setting, and follows its balls if there is time for that.
+fn run_setting(
+    setting: &Setting,
+    start: &Start,
+    limits: Limits,
+    judge: Option<&Judge>,
+    progress: &mut Progress,
+) -> Finished {
+    let measured = measure(setting.choice, &start.gas, limits, &setting.name, progress);
+    let faith = judge.filter(|judge| {
+        // A part of the balls takes about that part of the time.
+        let share = judge.balls() as f64 / start.gas.positions.len() as f64;
+        let expected = judge.time() / measured.speed() * share;
+        let follows = !matches!(setting.choice, Choice::Statistical { .. });
+        follows && expected < (2.0 * limits.budget).max(LEAST_FOLLOWING) && !progress.stopped()
+    });
+    Finished {
+        choice: setting.choice,
+        faith: faith.and_then(|judge| judge.judge(setting.choice)),
+        measured,
+    }
 }
 
 fn command(options: &Options) -> String {
@@ -240,55 +310,6 @@ fn name_of(accuracy: Accuracy) -> &'static str {
     }
 }
 
-impl Start {
-    /// Runs a scene until it has settled, or the time for that is spent.
-    fn settle(
-        scene: &Scene,
-        placed: &Placement,
-        threads: usize,
-        budget: f64,
-        progress: &mut Progress,
-    ) -> Self {
-        let expected = temperature(placed, scene.units)
-            .and_then(|temperature| Theory::new(placed, scene.units).at(temperature).pair_rate);
-        let count = placed.positions.len() as f64;
-        let crossing = 2.0 * placed.domain.half_size.max_element() / thermal_speed(placed);
-        let guess = expected.map_or(crossing, |rate| count / (2.0 * rate).max(f64::MIN_POSITIVE));
-        let guess = guess.min(crossing * 1e3);
-        let choice = if Windowed::pays(placed) {
-            Choice::Windowed(threads)
-        } else {
-            EVENT
-        };
-        let mut trial = Trial::new(choice, placed);
-        let began = std::time::Instant::now();
-        let slices = 200.0;
-        for slice in 1..=(SETTLE * slices) as u32 {
-            let spent = began.elapsed().as_secs_f64();
-            if progress.stopped() || spent > PATIENCE * budget {
-                break;
-            }
-            let until = f64::from(slice) / slices * guess;
-            if trial.try_run(until, &mut |_| {}).is_err() {
-                break; // no room to move: every engine will say so
-            }
-            progress.tell(0.0, "settling");
-        }
-        let pairs = trial.engine.counters().pair_collisions as f64;
-        let free_time = if pairs > 0.0 {
-            count * trial.time() / (2.0 * pairs)
-        } else {
-            guess
-        };
-        Self {
-            settled: trial.time() / free_time,
-            gas: trial.state().placement(),
-            free_time,
-            collides: pairs > 0.0,
-        }
-    }
-}
-
 /// What is said beside the tables.
 fn paragraphs(
     scene: &Scene,
@@ -307,13 +328,18 @@ fn paragraphs(
         "the time to cross the box, for no two balls met,"
     };
     let mut words = format!(
-        "Scene: {}. Its {} balls had settled for {} times {what} of {}. Every setting started from there and ran for {} s, the first, {}, for \
+        "Scene: {}. Its {} balls had run for {} times {what} of {}{}. Every setting started from there and ran for {} s, the first, {}, for \
          {}: averages are held against it. An error below twice its noise may be chance. Displacement is the mean square over {} mean free times; the \
          viscosity of an engine by chance is not measured here, but taken from its law.",
         scene.title,
         start.gas.positions.len(),
-        plain(start.settled),
+        plain(start.time / start.free_time),
         time(start.free_time),
+        if start.has_settled() {
+            ", until they had settled"
+        } else {
+            ""
+        },
         plain(budget),
         first.setting.name,
         duration(first.measured.seconds),
@@ -332,10 +358,17 @@ fn paragraphs(
         ]);
     }
     let mut paragraphs = vec![words];
-    if start.settled < HARDLY_SETTLED && start.collides {
-        paragraphs.push(
-            "Warning: the gas had no time to settle; give it more with --seconds.".to_owned(),
-        );
+    if !start.has_settled() {
+        let unmet = start.criteria.iter().filter(|criterion| !criterion.met);
+        let unmet: Vec<&str> = unmet.map(|criterion| criterion.what.as_str()).collect();
+        let why = if unmet.is_empty() {
+            "not even looked at".to_owned()
+        } else {
+            unmet.join("; ")
+        };
+        paragraphs.push(format!(
+            "Warning: the gas had not settled ({why}), so that all averages may drift; give it more time with --seconds."
+        ));
     }
     if let Some(until) = scene.until {
         let needs = until / first.measured.speed();

@@ -1,6 +1,8 @@
 //! A run inside an experiment: an engine, its observer, and simulated time in the scene's units.
 
-use crate::engine::{Engine, Stuck};
+use serde::{Deserialize, Serialize};
+
+use crate::engine::{Engine, Saved, Stuck};
 use crate::event::{Collision, Participants};
 use crate::observe::Observer;
 use crate::observe::ledger::Drift;
@@ -27,6 +29,24 @@ pub struct Trial {
     pub observer: Observer,
 }
 
+/// A run at one moment, all that it needs to go on bit for bit.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SavedTrial {
+    state: State,
+    engine: Saved,
+    observer: Observer,
+}
+
+impl SavedTrial {
+    /// Goes on; `None` if another kind of engine has saved it.
+    pub fn resume(self, choice: Choice) -> Option<Trial> {
+        Some(Trial {
+            engine: choice.resume(self.state, self.engine)?,
+            observer: self.observer,
+        })
+    }
+}
+
 impl Trial {
     /// A run of a gas from time zero.
     pub fn new(choice: Choice, gas: &Placement) -> Self {
@@ -45,6 +65,16 @@ impl Trial {
     /// The gas.
     pub fn state(&self) -> &State {
         self.engine.state()
+    }
+
+    /// The run as it is now.
+    pub fn save(&mut self) -> SavedTrial {
+        self.engine.settle();
+        SavedTrial {
+            state: self.state().clone(),
+            engine: self.engine.save(),
+            observer: self.observer.clone(),
+        }
     }
 
     /// Simulated time so far.

@@ -6,6 +6,7 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::calendar::{Bounded, Indexed, Lazy};
+use crate::engine::alternating::Alternating;
 use crate::engine::event_driven;
 use crate::engine::reversible::Reversible;
 use crate::engine::statistical::{self, Plan, Resolution, Statistical};
@@ -77,7 +78,7 @@ pub struct Wishes {
 pub enum Choice {
     /// [`event_driven::EventDriven`], with this calendar.
     Event(CalendarName),
-    /// [`Windowed`], on so many threads.
+    /// [`Alternating`]: [`Windowed`], on so many threads, where it pays.
     Windowed(usize),
     /// [`Reversible`].
     Reversible,
@@ -187,7 +188,7 @@ impl Choice {
     pub fn engine(&self, state: State) -> Box<dyn Engine> {
         match self {
             Self::Event(calendar) => event(*calendar, state, None),
-            Self::Windowed(threads) => Box::new(Windowed::new(state, *threads)),
+            Self::Windowed(threads) => Box::new(Alternating::new(state, *threads)),
             Self::Reversible => Box::new(
                 Reversible::new(state).expect("the choice was made for balls that it can run"),
             ),
@@ -204,8 +205,11 @@ impl Choice {
     pub fn resume(&self, state: State, saved: Saved) -> Option<Box<dyn Engine>> {
         Some(match (self, saved) {
             (Self::Event(calendar), Saved::Exact(tally)) => event(*calendar, state, Some(tally)),
+            (Self::Windowed(threads), Saved::Alternating(saved)) => {
+                Box::new(Alternating::resume(state, *threads, saved))
+            }
             (Self::Windowed(threads), Saved::Exact(tally)) => {
-                Box::new(Windowed::resume(state, *threads, tally))
+                Box::new(Alternating::resume(state, *threads, tally.into()))
             }
             (Self::Reversible, Saved::Reversible(saved)) => {
                 Box::new(Reversible::resume(state, saved))

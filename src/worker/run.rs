@@ -96,6 +96,8 @@ struct Run<'a> {
     inbox: &'a Receiver<Command>,
     slot: &'a Slot,
     engine: Box<dyn Engine>,
+    /// Name of the method that had the gas when that was last told.
+    method: &'static str,
     observer: Observer,
     on_demand: Option<OnDemand>,
     observables: Arc<Vec<Observed>>,
@@ -263,6 +265,7 @@ impl<'a> Run<'a> {
             echo: EchoWatch::default(),
             pressures: Pressures::of(engine.state()),
             slices: Slices::new(FIRST_SLICE * engine.state().units.time),
+            method: engine.name(),
             engine,
             survey,
             survey_due: now + SURVEY_EVERY,

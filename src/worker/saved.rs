@@ -104,14 +104,9 @@ impl Origin {
     }
 
     /// Tells one scene from another: a hash of its text and of what was made of it.
-    ///
-    /// Source: FNV-1a (Fowler, Noll, Vo; RFC 9923).
     pub fn hash(&self) -> u64 {
         let card = format!("{:?}", self.card);
-        let bytes = self.source.bytes().chain(card.into_bytes());
-        bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-        })
+        checkpoint::hash(self.source.bytes().chain(card.into_bytes()))
     }
 }
 

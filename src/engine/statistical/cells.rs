@@ -64,21 +64,23 @@ impl Cells {
     }
 
     /// The cell of a centre; the outermost take what is beyond.
+    ///
+    /// In 32 bits and without a branch, so that many are worked out side by side; there are fewer cells than balls.
     #[inline(always)]
-    pub fn of(&self, position: [f32; 3]) -> usize {
+    pub fn of(&self, position: [f32; 3]) -> u32 {
         let [x, y, z] = [
             self.coordinate(position, 0),
             self.coordinate(position, 1),
             self.coordinate(position, 2),
         ];
-        (z * self.dimensions[1] + y) * self.dimensions[0] + x
+        (z * self.dimensions[1] as u32 + y) * self.dimensions[0] as u32 + x
     }
 
     #[inline(always)]
-    fn coordinate(&self, position: [f32; 3], axis: usize) -> usize {
+    fn coordinate(&self, position: [f32; 3], axis: usize) -> u32 {
         let place = position[axis] * self.scale[axis] + self.offset[axis];
         let whole = (place.max(0.0) + MAGIC).to_bits() & 0x007f_ffff;
-        (whole as usize).min(self.dimensions[axis] - 1)
+        whole.min(self.dimensions[axis] as u32 - 1)
     }
 }
 

@@ -13,6 +13,9 @@ use crate::domain::Boundary;
 use crate::event::{Collision, Participants, Wall};
 use crate::state::{Bodies, Body, State, Time};
 
+/// Instead of a cell: beyond a wall or face.
+const OUTSIDE: u32 = u32::MAX;
+
 /// What does not change from step to step.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Rules {
@@ -137,6 +140,8 @@ pub struct Share<'a> {
     pub majorants: &'a mut [f32],
     /// Where the balls fly to.
     pub bins: &'a mut Bins,
+    /// Where to work out the cells that the balls of one fly to.
+    pub cells: Vec<u32>,
     /// In a periodic box: who left through which face.
     pub faces: Vec<(u32, Wall)>,
     /// What happened, one by one, if it is asked for.
@@ -181,7 +186,7 @@ pub fn run<const EACH: bool, const ALIKE: bool>(
                 each: EACH.then_some(&mut share.collisions),
             };
             meetings.run::<ALIKE>(&mut balls, majorant, Draws::new(key, cell), &mut tally);
-            fly::<EACH, ALIKE>(rules, bodies, &balls, now, &mut tally, share);
+            fly::<EACH, ALIKE>(rules, bodies, &mut balls, now, &mut tally, share);
         }
         share.tallies[plane - share.planes.start] = tally;
     }
@@ -327,45 +332,39 @@ impl Meetings<'_> {
 pub fn fly<const EACH: bool, const ALIKE: bool>(
     rules: &Rules,
     bodies: &Bodies,
-    balls: &[Record],
+    balls: &mut [Record],
     now: Instant,
     tally: &mut Tally,
     share: &mut Share,
 ) {
     let step = now.flight as f32;
     let [limit_x, limit_y, limit_z] = rules.nearest;
-    for record in balls {
-        // Number by number: whole records that go through memory in other pieces than they came wait until all stores before
-        // them have reached the cache (about twice as slow, measured).
-        let [mut u, mut v, mut w] = record.velocity;
-        let mut collisions = record.collisions;
-        let mut x = record.position[0] + u * step;
-        let mut y = record.position[1] + v * step;
-        let mut z = record.position[2] + w * step;
-        if !((x.abs() <= limit_x) & (y.abs() <= limit_y) & (z.abs() <= limit_z)) {
-            let mut record = Record {
-                position: [x, y, z],
-                ..*record
-            };
+    // First all places and cells, then all walls and bins: the second loop waits for memory, the first must not wait with it
+    // (1.6 times as fast, measured).
+    share.cells.clear();
+    share.cells.extend(balls.iter_mut().map(|record| {
+        let [x, y, z] = [0, 1, 2].map(|axis| record.position[axis] + record.velocity[axis] * step);
+        record.position = [x, y, z];
+        let cell = rules.cells.of([x, y, z]);
+        let inside = (x.abs() <= limit_x) & (y.abs() <= limit_y) & (z.abs() <= limit_z);
+        if inside { cell } else { OUTSIDE }
+    }));
+    for (place, record) in balls.iter_mut().enumerate() {
+        let mut cell = share.cells[place];
+        if cell == OUTSIDE {
             if rules.boundary == Boundary::Container {
                 let body = if ALIKE {
                     bodies.kinds()[0]
                 } else {
                     bodies.of(record.ball as usize)
                 };
-                turn_back::<EACH>(rules, body, &mut record, now, tally, &mut share.collisions);
+                turn_back::<EACH>(rules, body, record, now, tally, &mut share.collisions);
             } else {
-                wrap::<EACH>(rules, bodies, &mut record, now, share);
+                wrap::<EACH>(rules, bodies, record, now, share);
             }
-            [x, y, z] = record.position;
-            [u, v, w] = record.velocity;
-            collisions = record.collisions;
+            cell = rules.cells.of(record.position);
         }
-        let slot = share.bins.slot(rules.cells.of([x, y, z]));
-        slot.position = [x, y, z];
-        slot.velocity = [u, v, w];
-        slot.ball = record.ball;
-        slot.collisions = collisions;
+        *share.bins.slot(cell as usize) = *record;
     }
 }
 

@@ -86,6 +86,49 @@ impl Windowed {
         black_box(sum);
     }
 
+    /// A meeting whose turn has come is not valid now. At the same instant it may still become so: when another one begins its
+    /// pieces, whose own turn comes later although it is the cause.
+    #[inline]
+    fn put_off(&mut self, meeting: Meeting) {
+        self.counters.stale_events += 1;
+        if self
+            .put_off
+            .first()
+            .is_some_and(|first| first.time != meeting.time)
+        {
+            self.put_off.clear();
+        }
+        self.put_off.push(meeting);
+    }
+
+    /// Takes up again what was put off and has become valid through what has just happened at `time`.
+    #[inline]
+    fn take_up(&mut self, time: f64) {
+        if self.put_off.is_empty() {
+            return;
+        }
+        let mut put_off = std::mem::take(&mut self.put_off);
+        if put_off[0].time == time {
+            put_off.retain(|meeting| {
+                let alone = meeting.bound().is_some();
+                let pieces = [
+                    meeting.piece,
+                    if alone { meeting.piece } else { meeting.other },
+                ];
+                let valid = pieces
+                    .iter()
+                    .all(|&piece| self.is_present(piece, self.owner(piece)));
+                if valid {
+                    self.follow_ups.push(*meeting);
+                }
+                !valid
+            });
+        } else {
+            put_off.clear();
+        }
+        self.put_off = put_off;
+    }
+
     /// Whether a piece, of the flight `owner`, is the one its ball is on.
     #[inline]
     fn is_present(&self, piece: Id, owner: Id) -> bool {
@@ -110,7 +153,7 @@ impl Windowed {
     ) -> Result<(), Stuck> {
         let owner = self.owner(meeting.piece);
         if !self.is_present(meeting.piece, owner) {
-            self.counters.stale_events += 1;
+            self.put_off(meeting);
             return Ok(());
         }
         let ball = meeting.rank.0;
@@ -132,6 +175,7 @@ impl Windowed {
                 .note(&collision, &watched, &mut self.counters)?;
             self.turn(ball, owner, meeting.next[0], after);
         }
+        self.take_up(meeting.time);
         report(&collision);
         Ok(())
     }
@@ -145,7 +189,7 @@ impl Windowed {
         let pieces = [meeting.piece, meeting.other];
         let owners = pieces.map(|piece| self.owner(piece));
         if (0..2).any(|one| !self.is_present(pieces[one], owners[one])) {
-            self.counters.stale_events += 1;
+            self.put_off(meeting);
             return Ok(());
         }
         let time = window.instant(meeting.time);
@@ -174,6 +218,7 @@ impl Windowed {
         for one in [0, 1] {
             self.turn(balls[one], owners[one], next[one], after[one]);
         }
+        self.take_up(meeting.time);
         report(&collision);
         Ok(())
     }

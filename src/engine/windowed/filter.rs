@@ -184,7 +184,7 @@ impl WithSimd for Find<'_> {
         // Narrower vectors are more.
         let most = (count - self.first.min(count)) * count.div_ceil(lanes) + 1;
         if self.hits.len() < most {
-            self.hits.resize(most, 0);
+            self.hits.resize(most + most / 2, 0);
         }
         let hits = &mut self.hits[..];
         let minus_contact_squared = simd.splat_f32s(-self.contact_squared);

@@ -7,6 +7,8 @@
 //! Around the cells lies a layer of places one wide. In a container nothing is listed there. In a periodic box each of these
 //! places is an image of a cell at the opposite face: a ball that reaches out there is listed in that cell, as its image.
 
+use std::ops::AddAssign;
+
 use glam::DVec3;
 
 use crate::domain::{Boundary, Domain};
@@ -279,6 +281,22 @@ impl Grid {
     }
 }
 
+/// Who passes cells, counted. It does not depend on the number of regions.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Census {
+    /// Entries in lists.
+    pub passages: u64,
+    /// Pairs of entries in one list.
+    pub pairs: u64,
+}
+
+impl AddAssign for Census {
+    fn add_assign(&mut self, other: Self) {
+        self.passages += other.passages;
+        self.pairs += other.pairs;
+    }
+}
+
 /// Which pieces pass through the cells of a region.
 #[derive(Clone, Debug, Default)]
 pub struct Lists {
@@ -294,8 +312,10 @@ pub struct Lists {
 impl Lists {
     /// Makes these the empty lists of these cells, with room for `expected` entries in each before they must grow.
     pub fn reset(&mut self, cells: std::ops::Range<usize>, expected: usize) {
+        // Room for the fullest cells that chance brings about, so that the lists need not grow later.
+        let most = expected + 8 * expected.isqrt();
         self.first = cells.start;
-        self.capacity = self.capacity.max(expected.next_multiple_of(16)).max(32);
+        self.capacity = self.capacity.max(most.next_multiple_of(16)).max(32);
         self.entries.resize(cells.len() * self.capacity, 0);
         self.lengths.clear();
         self.lengths.resize(cells.len(), 0);
@@ -326,6 +346,17 @@ impl Lists {
     pub fn set_tested(&mut self, cell: usize) {
         let cell = cell - self.first;
         self.tested[cell] = self.lengths[cell];
+    }
+
+    /// Counts what is listed.
+    pub fn census(&self) -> Census {
+        let mut census = Census::default();
+        for &length in &self.lengths {
+            let length = u64::from(length);
+            census.passages += length;
+            census.pairs += length * length.saturating_sub(1) / 2;
+        }
+        census
     }
 
     /// Empties all lists.

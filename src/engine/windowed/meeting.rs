@@ -3,6 +3,7 @@
 use std::cmp::Ordering;
 
 use super::pieces::Id;
+use super::scratch::Scratch;
 use crate::event::{MAX_PLANE_COUNT, Wall};
 
 /// Numbers from here on are walls, faces and planes, not pieces.
@@ -91,7 +92,11 @@ impl Meeting {
 /// Sorts meetings of a window that lasts from `begin` to `end`, the same epochs as the meetings' times.
 ///
 /// They are spread evenly over the window but for chance, so a distribution into bins does most of the work.
-pub fn sort(meetings: &mut Vec<Meeting>, (begin, end): (f64, f64), spare: &mut Vec<Meeting>) {
+pub fn sort(
+    meetings: &mut Scratch<Meeting>,
+    (begin, end): (f64, f64),
+    spare: &mut Scratch<Meeting>,
+) {
     let count = meetings.len();
     if count < 64 {
         meetings.sort_unstable_by(Meeting::order);
@@ -107,7 +112,7 @@ pub fn sort(meetings: &mut Vec<Meeting>, (begin, end): (f64, f64), spare: &mut V
     for bin in 0..bins {
         places[bin + 1] += places[bin];
     }
-    spare.clear();
+    spare.empty();
     spare.resize(count, Meeting::default());
     for meeting in meetings.iter() {
         let place = &mut places[bin(meeting)];
@@ -169,10 +174,11 @@ mod tests {
                 ..Meeting::default()
             }
         };
-        let mut meetings: Vec<_> = (0..5000).map(meeting).collect();
-        let mut expected = meetings.clone();
+        let mut meetings = Scratch::default();
+        meetings.extend((0..5000).map(meeting));
+        let mut expected = meetings.to_vec();
         expected.sort_by(Meeting::order);
-        sort(&mut meetings, (0.0, 1.0), &mut Vec::new());
+        sort(&mut meetings, (0.0, 1.0), &mut Scratch::default());
         assert!(meetings.iter().eq(&expected));
     }
 }

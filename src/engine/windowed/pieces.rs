@@ -6,6 +6,7 @@
 
 use glam::DVec3;
 
+use super::scratch::Scratch;
 use crate::state::Trajectory;
 
 /// The number of a piece.
@@ -137,13 +138,13 @@ impl Origin {
 #[derive(Clone, Debug, Default)]
 pub struct Pieces {
     /// As the filter sees them.
-    pub lines: Vec<Line>,
+    pub lines: Scratch<Line>,
     /// The pieces themselves.
-    pub trajectories: Vec<Trajectory>,
+    pub trajectories: Scratch<Trajectory>,
     /// Where they come from.
-    pub origins: Vec<Origin>,
+    pub origins: Scratch<Origin>,
     /// When each first meets another piece, as far as is known, in epochs from the window's first epoch.
-    pub first_meetings: Vec<f64>,
+    pub first_meetings: Scratch<f64>,
 }
 
 impl Pieces {
@@ -159,16 +160,16 @@ impl Pieces {
 
     /// Forgets all pieces.
     pub fn clear(&mut self) {
-        self.lines.clear();
-        self.trajectories.clear();
-        self.origins.clear();
-        self.first_meetings.clear();
+        self.lines.empty();
+        self.trajectories.empty();
+        self.origins.empty();
+        self.first_meetings.empty();
     }
 }
 
 /// The pieces along which balls left the last window: their lines, by kind and region.
 #[derive(Clone, Debug, Default)]
-pub struct Past(pub [Vec<Vec<Line>>; 3]);
+pub struct Past(pub [Vec<Scratch<Line>>; 3]);
 
 impl Past {
     /// The line of a piece that is no flight.

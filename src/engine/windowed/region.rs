@@ -10,11 +10,12 @@ use glam::DVec3;
 use pulp::Arch;
 
 use super::filter::{Filter, Margins, relative};
-use super::grid::{Entry, Lists, image_of, piece_of, steps_of};
+use super::grid::{Census, Entry, Lists, image_of, piece_of, steps_of};
 use super::listing::{Flights, Listing};
 use super::meeting::{self, Meeting};
 use super::paths::Gas;
 use super::pieces::{FIRST, Id, Line, NONE, Origin, Piece, Pieces};
+use super::scratch::Scratch;
 use super::sheet::Sheet;
 use crate::collision::{image_pair_time, pair_time};
 use crate::engine::contact;
@@ -23,8 +24,18 @@ use crate::state::Trajectory;
 /// Cells that are searched before what they brought about is followed up.
 const CELLS_AT_ONCE: usize = 64;
 
+/// Candidates, or flights that need a closer look, that are loaded together.
+const LOADED_AT_ONCE: usize = 256;
+
+/// Candidates after which they are decided before more are looked for.
+const MANY_CANDIDATES: usize = 16 * LOADED_AT_ONCE;
+
 /// Collisions that may follow one another and be foreseen; the others wait until their turn comes.
 const MOST_GENERATIONS: u32 = 3;
+
+/// Most pieces that are foreseen, for each flight of a region and in all regions alike: where there would be more, a window ends
+/// long before them.
+const MOST_FORESEEN: [usize; 2] = [1, 256];
 
 /// An entry that belongs into another region's cell.
 pub type Passage = (Entry, u32);
@@ -155,8 +166,10 @@ pub struct Region {
     pub flights: Range<usize>,
     /// What passes its cells.
     pub lists: Lists,
+    /// How often the flights pass its cells in the window, and how many pairs of them pass one cell.
+    pub census: Census,
     /// Meetings found here.
-    pub meetings: Vec<Meeting>,
+    pub meetings: Scratch<Meeting>,
     /// Passages through other regions' cells.
     pub outbox: Vec<Passage>,
     /// The first flights in each cell when the balls were sorted, and the one after the last.
@@ -166,16 +179,16 @@ pub struct Region {
     sheets: Vec<Sheet>,
     on_sheets: usize,
     spare_sheet: Sheet,
-    pairs: Vec<(u32, u32)>,
-    candidates: Vec<Candidate>,
+    pairs: Scratch<(u32, u32)>,
+    candidates: Scratch<Candidate>,
     loaded: Vec<[Trajectory; 2]>,
-    aside: Vec<u32>,
+    aside: Scratch<u32>,
     aside_loaded: Vec<Trajectory>,
     /// Cells before this one have been searched.
     searched: usize,
     /// Those of them in which something has been listed since.
     pending: Vec<u32>,
-    spare: Vec<Meeting>,
+    spare: Scratch<Meeting>,
 }
 
 /// The pieces that a region adds in a phase, with their kind.
@@ -218,9 +231,9 @@ impl Region {
     /// bounds the domain.
     pub fn list(&mut self, gas: Gas, flights: Flights, margins: Margins, firsts: &mut Pieces) {
         self.lists.clear();
-        self.meetings.clear();
+        self.meetings.empty();
         self.outbox.clear();
-        self.aside.clear();
+        self.aside.empty();
         self.searched = 0;
         self.filter.begin_window(margins);
         let lines = Listing {
@@ -234,21 +247,23 @@ impl Region {
         .run(Arch::new());
         let first = self.flights.start;
         let ball = |flight: u32| lines[flight as usize - first].ball;
-        // Loaded on their own, that the memory can be asked for several at a time.
-        let flight = |&flight: &u32| gas.state.trajectories[ball(flight) as usize];
-        self.aside_loaded.clear();
-        self.aside_loaded.extend(self.aside.iter().map(flight));
         let aside = std::mem::take(&mut self.aside);
-        for (&flight, index) in aside.iter().zip(0..) {
-            let trajectory = self.aside_loaded[index];
-            self.trace(gas, flight, trajectory, ball(flight), |number, after| {
-                let place = firsts.push(
-                    *after,
-                    gas.line(after, ball(flight), flight),
-                    Origin::FLIGHT,
-                );
-                gas.numbering.id(FIRST, number, place)
-            });
+        for aside in aside.chunks(LOADED_AT_ONCE) {
+            // Loaded on their own, that the memory can be asked for several at a time.
+            let flight = |&flight: &u32| gas.state.trajectories[ball(flight) as usize];
+            self.aside_loaded.clear();
+            self.aside_loaded.extend(aside.iter().map(flight));
+            for (&flight, index) in aside.iter().zip(0..) {
+                let trajectory = self.aside_loaded[index];
+                self.trace(gas, flight, trajectory, ball(flight), |number, after| {
+                    let place = firsts.push(
+                        *after,
+                        gas.line(after, ball(flight), flight),
+                        Origin::FLIGHT,
+                    );
+                    gas.numbering.id(FIRST, number, place)
+                });
+            }
         }
         self.aside = aside;
     }
@@ -309,13 +324,19 @@ impl Region {
     pub fn find(&mut self, shelves: Shelves, mail: &[Vec<Passage>], mut own: Own) {
         self.outbox.clear();
         self.deliver(&shelves, mail.iter().flatten());
+        self.census = self.lists.census();
         let cells = self.lists.cells();
         for first in cells.clone().step_by(CELLS_AT_ONCE) {
             let end = (first + CELLS_AT_ONCE).min(cells.end);
             self.searched = end;
             self.begin_sheets(first);
             self.read_ahead(shelves.lines, end);
-            (first..end).for_each(|cell| self.search(&shelves, Some(&own), cell));
+            for cell in first..end {
+                self.search(&shelves, Some(&own), cell);
+                if self.candidates.len() >= MANY_CANDIDATES {
+                    self.decide(&shelves, Some(&mut own));
+                }
+            }
             self.decide(&shelves, Some(&mut own));
             self.follow_up(&shelves, Some(&mut own));
         }
@@ -430,7 +451,7 @@ impl Region {
             });
         }
         lists.set_tested(cell);
-        pairs.clear();
+        pairs.empty();
         filter.find(sheet, tested.max(1), pairs);
         let entries = lists.entries(cell);
         for &(row, other) in pairs.iter() {
@@ -457,6 +478,20 @@ impl Region {
 
     /// Decides which candidates meet, and lists the pieces that will follow if they do.
     fn decide(&mut self, shelves: &Shelves, mut own: Option<&mut Own>) {
+        let candidates = std::mem::take(&mut self.candidates);
+        for candidates in candidates.chunks(LOADED_AT_ONCE) {
+            self.decide_few(shelves, own.as_deref_mut(), candidates);
+        }
+        self.candidates = candidates;
+        self.candidates.empty();
+    }
+
+    fn decide_few(
+        &mut self,
+        shelves: &Shelves,
+        mut own: Option<&mut Own>,
+        candidates: &[Candidate],
+    ) {
         let gas = shelves.gas;
         let view = View {
             shelves,
@@ -464,14 +499,13 @@ impl Region {
         };
         // Loaded on their own, that the memory can be asked for several at a time.
         self.loaded.clear();
-        self.loaded.extend(self.candidates.iter().map(|candidate| {
+        self.loaded.extend(candidates.iter().map(|candidate| {
             let [first, second] = candidate.entries.map(piece_of);
             [
                 *view.trajectory(first, candidate.balls[0]),
                 *view.trajectory(second, candidate.balls[1]),
             ]
         }));
-        let candidates = std::mem::take(&mut self.candidates);
         for (index, candidate) in candidates.iter().enumerate() {
             let pair = self.loaded[index];
             let Some(mut meeting) = candidate.meeting(&gas, &pair) else {
@@ -480,6 +514,7 @@ impl Region {
             let ids = [meeting.piece, meeting.other];
             if let Some((kind, pieces)) = own.as_deref_mut()
                 && candidate.generation < MOST_GENERATIONS
+                && pieces.lines.len() < MOST_FORESEEN[0] * self.flights.len() + MOST_FORESEEN[1]
                 && is_first(&gas, ids, meeting.time, (*kind, pieces))
             {
                 let view = View {
@@ -506,8 +541,6 @@ impl Region {
             }
             self.meetings.push(meeting);
         }
-        self.candidates = candidates;
-        self.candidates.clear();
     }
 
     /// Lists pieces in cells of this region and finds their meetings with those listed there before.

@@ -33,19 +33,22 @@ impl Sheet {
     #[inline(always)]
     pub fn fill(&mut self, count: usize, place: impl Fn(usize) -> [f32; 6]) {
         if count > self.room {
-            self.room = (count + LANES / 2).next_multiple_of(LANES);
+            self.room = (count + count / 2).next_multiple_of(LANES);
             self.floats.resize(6 * self.room, 0.0);
             self.count = 0;
         }
-        if self.count == 0 {
-            self.floats[..3 * self.room].fill(FAR);
-            self.floats[3 * self.room..].fill(0.0);
-        }
         let first = self.count;
+        let padded = count.next_multiple_of(LANES);
         self.count = count;
-        let [x, y, z, u, v, w] = self.columns_mut().map(|column| &mut column[..count]);
+        let [x, y, z, u, v, w] = self.columns_mut().map(|column| &mut column[..padded]);
         for row in first..count {
             [x[row], y[row], z[row], u[row], v[row], w[row]] = place(row);
+        }
+        for column in [x, y, z] {
+            column[count..].fill(FAR);
+        }
+        for column in [u, v, w] {
+            column[count..].fill(0.0);
         }
     }
 

@@ -2,9 +2,11 @@
 
 use glam::DVec3;
 
+use super::grid::Census;
 use super::pieces::MOST_BALLS;
 use crate::domain::{Boundary, Domain};
-use crate::state::{Placement, State};
+use crate::engine::event_driven;
+use crate::state::{Placement, State, Trajectory};
 
 /// Cell width in mean spacings of the balls; measured to be best, and flat around.
 const SPACINGS_PER_CELL: f64 = 3.0;
@@ -110,4 +112,93 @@ pub fn window_length(state: &State, cell_width: f64, deviation: f64, rate: f64) 
     transit
         .min(COLLISIONS_PER_WINDOW / expected_rate.max(rate))
         .clamp(SHORTEST_WINDOW, LONGEST_WINDOW)
+}
+
+/// What windows took, in counts that do not depend on the number of threads.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Work {
+    /// How many they were.
+    pub windows: u32,
+    /// Who passed which cells.
+    pub census: Census,
+    /// Flights begun.
+    pub turns: u64,
+}
+
+/// What the engines' steps cost \[ns\], in a gas that is small enough for the caches.
+///
+/// Source: measured; what is compared are sums, of which the largest part differs from scene to scene.
+mod cost {
+    /// Windowed: a ball in a window.
+    pub const BALL: f64 = 15.0;
+    /// Windowed: a ball in a cell's list.
+    pub const PASSAGE: f64 = 6.0;
+    /// Windowed: a pair of a list.
+    pub const PAIR: f64 = 0.5;
+    /// Windowed: a new flight, but for the pairs it makes.
+    pub const TURN: f64 = 500.0;
+    /// Event: a ball that reaches into a cell, but for the balls it looks at.
+    pub const CROSSING: f64 = 150.0;
+    /// Event: a new flight, but for the balls it looks at.
+    pub const FLIGHT: f64 = 400.0;
+    /// Event: a ball that is looked at.
+    pub const LOOK: f64 = 5.0;
+}
+
+/// How many times as much work as engine `event` windows may take before they do not pay: changing the engine is work too, and
+/// the costs are rough.
+const MOST_WORK: f64 = 2.0;
+
+impl Work {
+    /// Whether the windows paid. `cell_width` is that of their cells, `way` how far balls flew in them in all: the root mean
+    /// square of a component.
+    pub fn pays(&self, state: &State, cell_width: f64, way: f64) -> bool {
+        let Census { passages, pairs } = self.census;
+        let (passages, pairs) = (passages as f64, pairs as f64);
+        let balls = state.ball_count() as f64 * f64::from(self.windows);
+        if balls == 0.0 || passages == 0.0 {
+            return true;
+        }
+        // Cells in which a ball is listed, and its company there.
+        let lists = passages / balls;
+        let company = 2.0 * pairs / passages;
+        let own = cost::BALL * balls
+            + cost::PASSAGE * passages
+            + cost::PAIR * pairs
+            + self.turns as f64 * (cost::TURN + cost::PAIR * lists * company);
+        // Balls that are crowded in a corner are found there by counting all: so that is left for the case of doubt.
+        let density = company / (lists * cell_width.powi(3));
+        own <= MOST_WORK * self.event_cost(state, way, density)
+            || own <= MOST_WORK * self.event_cost(state, way, density_around_a_ball(state))
+    }
+
+    /// What the same stretch of time would have cost engine `event` \[ns\], with so many balls per volume around a ball.
+    fn event_cost(&self, state: &State, way: f64, density: f64) -> f64 {
+        let (width, reach) = event_cells(state);
+        let company = density * (width * reach).powi(3);
+        let crossings = state.ball_count() as f64 * CROSSINGS_PER_WIDTH * way / width;
+        crossings * (cost::CROSSING + cost::LOOK * company * reach * reach)
+            + self.turns as f64 * (cost::FLIGHT + cost::LOOK * company * reach.powi(3))
+    }
+}
+
+/// How wide engine `event` makes its cells, and how many times as wide the room is from which balls reach into one.
+fn event_cells(state: &State) -> (f64, f64) {
+    let radius = state.bodies.mean_radius();
+    let width = event_driven::cell_width(state.domain.volume(), state.ball_count(), radius);
+    (width, 1.0 + 2.0 * radius / width)
+}
+
+/// Balls per volume in the cell of engine `event` in which a ball is, on average over the balls.
+fn density_around_a_ball(state: &State) -> f64 {
+    let (width, _) = event_cells(state);
+    let cell = |trajectory: &Trajectory| {
+        let place = (trajectory.position_at(state.now) + state.domain.half_size) / width;
+        place.to_array().map(|place| place as i64)
+    };
+    let mut cells: Vec<[i64; 3]> = state.trajectories.iter().map(cell).collect();
+    cells.sort_unstable();
+    let crowds = cells.chunk_by(|one, next| one == next);
+    let squares: f64 = crowds.map(|crowd| (crowd.len() as f64).powi(2)).sum();
+    squares / state.ball_count() as f64 / width.powi(3)
 }

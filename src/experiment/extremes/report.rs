@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-use super::{Done, Options, Outcome};
+use super::{Done, Options, Outcome, ROWS, part};
 use crate::error::Result;
 use crate::experiment::page::{machine, make_directory, print};
 use crate::output::Target;
@@ -17,12 +17,14 @@ pub struct Outputs {
 
 /// What `--json` prints and `extremes.json` holds.
 #[derive(Serialize)]
-struct Document<'a> {
+pub struct Report<'a> {
     schema: &'static str,
     version: &'static str,
     optimized: bool,
     machine: String,
     rows: &'a [Done],
+    /// Parts of the matrix that this run leaves out.
+    left_out: Vec<String>,
 }
 
 impl Outputs {
@@ -49,27 +51,15 @@ impl Outputs {
     ///
     /// # Errors
     /// [`Error::File`] with what the system answered.
-    pub fn write(&self, rows: &[Done]) -> Result<()> {
+    pub fn write(&self, report: &Report) -> Result<()> {
         if let Some(target) = &self.json {
-            target.write(|file| file.write_all(json(rows).as_bytes()))?;
+            target.write(|file| file.write_all(report.json().as_bytes()))?;
         }
         if let Some(target) = &self.markdown {
-            target.write(|file| file.write_all(markdown(rows).as_bytes()))?;
+            target.write(|file| file.write_all(report.markdown().as_bytes()))?;
         }
         Ok(())
     }
-}
-
-fn json(rows: &[Done]) -> String {
-    let document = Document {
-        schema: "moltop.extremes/1",
-        version: env!("CARGO_PKG_VERSION"),
-        optimized: !cfg!(debug_assertions),
-        machine: machine(),
-        rows,
-    };
-    let text = serde_json::to_string_pretty(&document).expect("verdicts are plain data");
-    format!("{text}\n")
 }
 
 fn heading(row: &Done) -> String {
@@ -97,37 +87,83 @@ pub fn print_row(row: &Done) -> Result<()> {
     print(&text)
 }
 
-/// The last line, or all of the JSON.
-///
-/// # Errors
-/// [`Error::File`] when stdout takes nothing more.
-pub fn finish(rows: &[Done], as_json: bool) -> Result<()> {
-    let text = if as_json { json(rows) } else { last_line(rows) };
-    print(&text)
-}
-
-fn last_line(rows: &[Done]) -> String {
-    let count = |outcome| rows.iter().filter(|row| row.outcome == outcome).count();
-    let [passed, failed, not_run] = [Outcome::Pass, Outcome::Fail, Outcome::NotRun].map(count);
-    let seconds: f64 = rows.iter().map(|row| row.wall_time_s).sum();
-    let time = crate::quantity::duration(seconds);
-    format!("{passed} passed, {failed} failed, {not_run} not run, in {time}\n")
-}
-
-fn markdown(rows: &[Done]) -> String {
-    let mut text = format!("# Extremes\n\n{}{}\n\n", last_line(rows), machine());
-    text.push_str(
-        "| # | extreme | engines | tier | verdict | figures | s |\n|---|---|---|---|---|---|---|\n",
-    );
-    for row in rows {
-        let figures = row.verdict.to_string().replace('|', "\\|");
-        let (number, title, engines, tier) = (row.number, row.title, row.engines, row.tier);
-        let (word, figures, seconds) = (row.outcome.word(), figures, row.wall_time_s);
-        writeln!(
-            text,
-            "| {number} | {title} | {engines} | {tier:?} | {word} | {figures} | {seconds:.2} |"
-        )
-        .expect("memory takes all");
+impl<'a> Report<'a> {
+    /// Of these rows, of all there are.
+    pub fn new(rows: &'a [Done]) -> Self {
+        let ran = |part: &&super::Row| {
+            let same = |row: &Done| (row.number, row.title) == (part.number, part.title);
+            rows.iter().any(same)
+        };
+        Self {
+            schema: "moltop.extremes/1",
+            version: env!("CARGO_PKG_VERSION"),
+            optimized: !cfg!(debug_assertions),
+            machine: machine(),
+            rows,
+            left_out: ROWS.iter().filter(|row| !ran(row)).map(part).collect(),
+        }
     }
-    text
+
+    /// Prints the last lines, or all of the JSON.
+    ///
+    /// # Errors
+    /// [`Error::File`] when stdout takes nothing more.
+    pub fn finish(&self, as_json: bool) -> Result<()> {
+        print(&if as_json {
+            self.json()
+        } else {
+            self.last_lines()
+        })
+    }
+
+    fn json(&self) -> String {
+        let text = serde_json::to_string_pretty(self).expect("verdicts are plain data");
+        format!("{text}\n")
+    }
+
+    /// How many passed and failed, and what was not run.
+    fn last_lines(&self) -> String {
+        let count = |outcome| {
+            self.rows
+                .iter()
+                .filter(|row| row.outcome == outcome)
+                .count()
+        };
+        let [passed, failed, not_run] = [Outcome::Pass, Outcome::Fail, Outcome::NotRun].map(count);
+        let seconds: f64 = self.rows.iter().map(|row| row.wall_time_s).sum();
+        let time = crate::quantity::duration(seconds);
+        let mut text = format!("{passed} passed, {failed} failed, {not_run} not run, in {time}\n");
+        let in_part = self
+            .rows
+            .iter()
+            .filter(|row| !row.verdict.not_run.is_empty());
+        let in_part: Vec<String> = in_part.map(|row| row.number.to_string()).collect();
+        if !in_part.is_empty() {
+            writeln!(text, "run in part: row {}", in_part.join(", ")).expect("memory takes all");
+        }
+        if !self.left_out.is_empty() {
+            let parts = self.left_out.join(", ");
+            writeln!(text, "left out: row {parts}").expect("memory takes all");
+        }
+        text
+    }
+
+    fn markdown(&self) -> String {
+        let lines = self.last_lines().replace('\n', "\n\n");
+        let mut text = format!("# Extremes\n\n{lines}{}\n\n", self.machine);
+        text.push_str(
+            "| # | extreme | engines | tier | verdict | figures | s |\n|---|---|---|---|---|---|---|\n",
+        );
+        for row in self.rows {
+            let figures = row.verdict.to_string().replace('|', "\\|");
+            let (number, title, engines, tier) = (row.number, row.title, row.engines, row.tier);
+            let (word, figures, seconds) = (row.outcome.word(), figures, row.wall_time_s);
+            writeln!(
+                text,
+                "| {number} | {title} | {engines} | {tier:?} | {word} | {figures} | {seconds:.2} |"
+            )
+            .expect("memory takes all");
+        }
+        text
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::{Debug, Display};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What a row comes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -28,7 +28,7 @@ impl Outcome {
 }
 
 /// A figure and its threshold.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Check {
     /// What was measured.
     pub what: String,
@@ -54,7 +54,7 @@ impl Display for Check {
 }
 
 /// What a row found.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Verdict {
     /// Figures with thresholds.
     pub checks: Vec<Check>,

@@ -11,6 +11,7 @@ use std::f64::consts::PI;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::domain::Boundary;
 use crate::engine::{Counters, Report};
@@ -37,7 +38,7 @@ const SLICES: f64 = 64.0;
 const PATIENCE: f64 = 4.0;
 
 /// A mean and its standard error.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The mean.
     pub value: f64,
@@ -81,7 +82,7 @@ impl Difference {
 }
 
 /// What a run has shown.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// Processor time; wall time on several threads \[s\].
     pub seconds: f64,

@@ -2,6 +2,7 @@
 
 use crate::experiment::page::{Table, Value};
 use crate::experiment::plot::{Axis, Glyph, Line, Plot, Series};
+use crate::experiment::trade::settle::Start;
 use crate::experiment::trade::statistics::{Difference, threads};
 use crate::experiment::trade::trajectories::{LOOKS, TURNS};
 use crate::experiment::trade::verdict::{Promise, Row};
@@ -38,6 +39,21 @@ fn errors(rows: &[Row], number: usize) -> [Option<Difference>; 4] {
             ..found
         })
     })
+}
+
+/// What was asked of the gas before anything was measured.
+pub fn settling(start: &Start) -> Table {
+    let columns = ["the gas at the start", "found", "must be", "met"];
+    let mut table = Table::new("settling", "Whether the gas has settled", &columns);
+    for criterion in &start.criteria {
+        table.push([
+            criterion.what.clone().into(),
+            criterion.found.into(),
+            criterion.limit.clone().into(),
+            if criterion.met { "yes" } else { "no" }.into(),
+        ]);
+    }
+    table
 }
 
 pub fn averages(rows: &[Row], units: Units) -> Table {
@@ -228,7 +244,7 @@ const ENGINES: [(&str, Glyph); 5] = [
 fn front(rows: &[Row], y: &dyn Fn(&Row) -> Option<f64>) -> Vec<Series> {
     let point = |row: &Row| Some((row.measured.speed(), y(row)?));
     let mut series: Vec<Series> = Vec::new();
-    for (engine, glyph) in ENGINES {
+    for (number, (engine, glyph)) in ENGINES.into_iter().enumerate() {
         for dominated in [false, true] {
             let own = rows.iter().filter(|row| {
                 row.setting.choice.name() == engine && row.dominated_by.is_some() == dominated
@@ -238,9 +254,12 @@ fn front(rows: &[Row], y: &dyn Fn(&Row) -> Option<f64>) -> Vec<Series> {
                 continue;
             }
             series.push(if dominated {
-                Series::points(&format!("{engine}, dominated"), glyph, points).hollow()
+                let name = format!("{engine}, dominated");
+                Series::points(&name, glyph, points)
+                    .hollow()
+                    .coloured(number)
             } else {
-                Series::points(engine, glyph, points)
+                Series::points(engine, glyph, points).coloured(number)
             });
         }
     }
@@ -256,11 +275,10 @@ fn front(rows: &[Row], y: &dyn Fn(&Row) -> Option<f64>) -> Vec<Series> {
         best = best.min(point.1);
         better
     });
-    series.push(Series::line(
-        "best for its speed, one thread",
-        Line::Dotted,
-        points,
-    ));
+    series.push(
+        Series::line("best for its speed, one thread", Line::Dotted, points)
+            .coloured(ENGINES.len()),
+    );
     series
 }
 

@@ -2,6 +2,7 @@
 //! can follow.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::domain::{Boundary, Domain};
 use crate::engine::reversible::Reversible;
@@ -19,7 +20,7 @@ pub const LOOKS: [f64; 3] = [0.5, 1.0, 2.0];
 pub const TURNS: [f64; 2] = [1.0, 4.0];
 
 /// How faithful a setting is to every ball.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Faith {
     /// Mean distance from the reference at each of [`LOOKS`], in diameters.
     pub distance: [f64; 3],

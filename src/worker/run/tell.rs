@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use super::{CLOSER_LOOK_SHARE, Run, survey_pause};
 use crate::history::{Observable, Stretch};
+use crate::quantity::plain;
 use crate::run_directory::log;
 use crate::snapshot::{Expected, Phase, SeriesRow, Snapshot, Warning};
 use crate::worker::echo::horizon;
@@ -20,6 +21,7 @@ const MOST_WARNINGS: usize = 5;
 impl Run<'_> {
     pub(super) fn publish(&mut self, state_hash: Option<u64>) {
         self.look_closer();
+        self.tell_method();
         let running = self.phase == Phase::Running;
         let sample = self.watched.then(|| {
             let (engine, setting) = (&mut self.engine, self.setting);
@@ -45,6 +47,7 @@ impl Run<'_> {
         // The mean since the last snapshot: what is due within a window of time swings with where in it the engine stands.
         let queue_length = self.queue[0].take().filter(|_| state_hash.is_none());
         let snapshot = Snapshot {
+            engine: self.method.into(),
             sequence: self.sequence,
             phase: self.phase.clone(),
             reversed: self.reversed(),
@@ -113,6 +116,18 @@ impl Run<'_> {
             self.trouble = self.trouble.take().or(trouble);
         }
         self.slot.put(snapshot);
+    }
+
+    /// Tells when another method has got the gas.
+    fn tell_method(&mut self) {
+        let method = self.engine.name();
+        let before = std::mem::replace(&mut self.method, method);
+        if let Some(time) = self.engine.last_change().filter(|_| method != before) {
+            let time = plain(self.engine.state().units.scene_time(time));
+            let words = format!("engine {before} -> {method} at t = {time}");
+            tracing::info!("{words}");
+            self.notice = Some(words);
+        }
     }
 
     /// Takes over what has come into the log.

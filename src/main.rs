@@ -11,7 +11,7 @@ use moltop::check;
 use moltop::cli::{Cli, Command, Experiment, Generate, RunOptions};
 use moltop::convert::convert;
 use moltop::error::{Error, Result};
-use moltop::experiment::{extremes, gas, growth, queue, reversal, trade};
+use moltop::experiment::{extremes, fluid, gas, growth, observables, queue, reversal, trade};
 use moltop::feed::socket::SocketFeed;
 use moltop::feed::{self, Access, Feed};
 use moltop::generate::{self, Balls, Extent, GASES};
@@ -246,6 +246,8 @@ fn experiment(what: &Experiment) -> Result<u8> {
         Experiment::Queue(options) => queue::run(options),
         Experiment::Gas(options) => gas::run(options),
         Experiment::Trade(options) => trade::run(options),
+        Experiment::Fluid(options) => fluid::run(options),
+        Experiment::Observables(options) => observables::run(options),
     }
 }
 

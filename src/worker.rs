@@ -5,7 +5,7 @@
 //! trajectory, so the clock has no influence on the physics.
 
 pub mod engines;
-mod observables;
+pub mod observables;
 
 mod echo;
 mod measure;

@@ -246,6 +246,12 @@ impl App {
             || self.visit.is_some() && past(&snapshot) != past(&self.latest);
         let before = std::mem::replace(&mut self.latest, snapshot);
         self.tell_news(&before);
+        // The panel opens on what is observed, if that is not what was chosen.
+        if before.observables.is_empty() && self.latest.observed(self.observable).is_none() {
+            let observed = |name: &ObservableName| self.latest.observed(*name).is_some();
+            let first = ObservableName::ALL.into_iter().find(observed);
+            self.observable = first.unwrap_or(self.observable);
+        }
         let sequence = self.latest.sequence;
         let stale = |since: u64| sequence > since + PATIENCE;
         let paused = self.latest.phase == Phase::Paused;

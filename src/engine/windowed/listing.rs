@@ -363,12 +363,12 @@ mod tests {
 
     fn touched<S: Simd>(
         simd: S,
-        positions: [[f32; BLOCK]; 3],
-        velocities: [[f32; BLOCK]; 3],
+        positions: &[[f32; BLOCK]; 3],
+        velocities: &[[f32; BLOCK]; 3],
     ) -> Block {
         let mut block = Block {
-            position: positions,
-            velocity: velocities,
+            position: *positions,
+            velocity: *velocities,
             radius: [0.1; BLOCK],
             touched: [0; BLOCK],
             lower: [[0.0; BLOCK]; 3],
@@ -386,11 +386,11 @@ mod tests {
                 std::array::from_fn(|_| std::array::from_fn(|_| random.random_range(from..to)))
             };
             let (positions, velocities) = (draw(1.7, 7.0), draw(-1.4, 1.4));
-            let one = touched(Scalar, positions, velocities);
+            let one = touched(Scalar, &positions, &velocities);
             let others = [
-                touched(Scalar128b, positions, velocities),
-                touched(Scalar256b, positions, velocities),
-                touched(Scalar512b, positions, velocities),
+                touched(Scalar128b, &positions, &velocities),
+                touched(Scalar256b, &positions, &velocities),
+                touched(Scalar512b, &positions, &velocities),
             ];
             for other in others {
                 assert_eq!((one.touched, one.place), (other.touched, other.place));

@@ -85,6 +85,18 @@ pub enum Command {
         #[command(flatten)]
         screen: tui::Options,
     },
+    /// Look at a run that has ended, on the dashboard: its last state, its charts and, with `g`, any moment of its past
+    #[command(
+        after_help = "Nothing of the run is changed. `g` makes the state at a past time again from the nearest checkpoint before it; `<` and `>` go through the charts. To go on with the run, name its directory: `moltop RUNDIR`."
+    )]
+    Replay {
+        /// Name of the run, or the beginning of it; or a directory, or a checkpoint of any name [default: the newest one that
+        /// has ended]
+        run: Option<String>,
+        /// How the run is shown.
+        #[command(flatten)]
+        screen: tui::Options,
+    },
     /// List the runs: those that are going on, and those that have ended
     List {
         /// Print JSON: an array of what `status --json` prints

@@ -16,6 +16,7 @@ fn options(engine: Choice, until: f64) -> Options {
         until: Some(until),
         series: None,
         directory: None,
+        replay: false,
         checkpoint_every: Duration::MAX,
         on_trouble: None,
         until_error: None,

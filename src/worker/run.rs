@@ -279,7 +279,11 @@ impl<'a> Run<'a> {
             last_row: Totals::default(),
             rows: 0,
             next_frame: (setting.options.trajectory.as_ref()).map_or(0, Recorder::first),
-            phase: Phase::Running,
+            phase: if setting.options.replay {
+                Phase::Paused
+            } else {
+                Phase::Running
+            },
             queue: [Mean::default(); 2],
             reversals: Vec::new(),
             marks: Vec::new(),
@@ -292,7 +296,9 @@ impl<'a> Run<'a> {
             limit_anchor: (now, 0.0),
             step_until: None,
             target: 0.0,
-            writer: setting.options.directory.clone().map(Writer::start),
+            writer: (setting.options.directory.clone())
+                .filter(|_| !setting.options.replay)
+                .map(Writer::start),
             checkpoint_due: now, // from the start on there is one to go back to
             saved_at: None,
             notice: None,

@@ -7,7 +7,7 @@ use clap::builder::FalseyValueParser;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 
-use crate::experiment::{extremes, gas, page, trade};
+use crate::experiment::{extremes, gas, observables, page, trade};
 use crate::generate::{Draw, Format, GASES};
 use crate::scene::observe::Name;
 use crate::tui;
@@ -81,6 +81,18 @@ pub enum Command {
         /// Look only: no key reaches the run
         #[arg(long, env = "MOLTOP_READ_ONLY", value_parser = FalseyValueParser::new())]
         read_only: bool,
+        /// How the run is shown.
+        #[command(flatten)]
+        screen: tui::Options,
+    },
+    /// Look at a run that has ended, on the dashboard: its last state, its charts and, with `g`, any moment of its past
+    #[command(
+        after_help = "Nothing of the run is changed. `g` makes the state at a past time again from the nearest checkpoint before it; `<` and `>` go through the charts. To go on with the run, name its directory: `moltop RUNDIR`."
+    )]
+    Replay {
+        /// Name of the run, or the beginning of it; or a directory, or a checkpoint of any name [default: the newest one that
+        /// has ended]
+        run: Option<String>,
         /// How the run is shown.
         #[command(flatten)]
         screen: tui::Options,
@@ -275,6 +287,16 @@ pub enum Experiment {
         after_help = "Takes some eight minutes, --quick a minute. With --out, one that was interrupted takes over the settings that it has measured when it is started again. Example:\n  moltop experiment trade configs/seed-512.toml --quick --out results"
     )]
     Trade(trade::Options),
+    /// Structure, diffusion, viscosity and conductivity of hard spheres against density, beside the literature
+    #[command(
+        after_help = "Takes some minutes, --quick half a minute. Example:\n  moltop experiment fluid --quick --out results"
+    )]
+    Fluid(page::Options),
+    /// What each observable costs: how much longer a collision takes, on the oxygen, in a dense fluid, or in a scene of yours
+    #[command(
+        after_help = "Takes some minutes, --quick one. Example:\n  moltop experiment observables configs/mixture.toml --quick"
+    )]
+    Observables(observables::Options),
 }
 
 /// What `generate` makes.

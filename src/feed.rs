@@ -49,6 +49,8 @@ pub enum Access {
     Watcher,
     /// It may only look.
     ReadOnly,
+    /// The run has ended: its last checkpoint is looked at, and the past that it can be followed through.
+    Replay,
 }
 
 /// A run as its watchers see it: the newest snapshot wins, and the engine never waits.

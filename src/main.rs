@@ -11,7 +11,7 @@ use moltop::check;
 use moltop::cli::{Cli, Command, Experiment, Generate, RunOptions};
 use moltop::convert::convert;
 use moltop::error::{Error, Result};
-use moltop::experiment::{extremes, gas, growth, queue, reversal, trade};
+use moltop::experiment::{extremes, fluid, gas, growth, observables, queue, reversal, trade};
 use moltop::feed::socket::SocketFeed;
 use moltop::feed::{self, Access, Feed};
 use moltop::generate::{self, Balls, Extent, GASES};
@@ -25,6 +25,7 @@ use moltop::runs;
 use moltop::signals::Signals;
 use moltop::summary::Exit;
 use moltop::tui::{self, Leave};
+use moltop::worker::{SavedRun, Worker};
 use signal_hook::consts::SIGHUP;
 
 fn main() -> ExitCode {
@@ -39,6 +40,7 @@ fn main() -> ExitCode {
             read_only,
             screen,
         }) => attach(run.as_deref(), read_only, screen),
+        Some(Command::Replay { run, screen }) => replay(run.as_deref(), screen, program_start),
         Some(Command::List { json }) => runs::list(json).and_then(|text| print(text.as_bytes())),
         Some(Command::Status { run, json }) => {
             runs::status(run.as_deref(), json).and_then(|text| print(text.as_bytes()))
@@ -130,6 +132,41 @@ fn attach(run: Option<&str>, read_only: bool, screen: tui::Options) -> Result<u8
     watch(&run, access, screen)
 }
 
+/// Shows a run that has ended, or any checkpoint.
+fn replay(run: Option<&str>, screen: tui::Options, program_start: Instant) -> Result<u8> {
+    let screen = &screen.with_settings()?;
+    let file = run.map(Path::new).filter(|path| path.is_file());
+    let found = match (file, run) {
+        (Some(_), _) => None,
+        (None, Some(run)) => Some(Found::by_name(run)?),
+        (None, None) => Some(Found::newest_ended()?),
+    };
+    if let Some(run) = found.as_ref().filter(|run| run.is_going_on()) {
+        let name = &run.name;
+        return Err(Error::Usage(format!(
+            "{name}: is going on: `moltop attach {name}` watches it"
+        )));
+    }
+    let directory = found.map(|run| run.path);
+    let place = directory.as_deref().or(file);
+    let place = place.expect("a run has a directory, and what has none is a file");
+    let (saved, file, damage) = SavedRun::load(place)?;
+    if let Some(damage) = damage {
+        let file = file.display();
+        say(&format!("moltop: warning: {damage}; showing {file}"));
+    }
+    let signals = Signals::listen()?;
+    let worker = Worker::replay(saved, directory, program_start);
+    let left = tui::run(&worker.feed(), Access::Replay, signals.stop(), screen);
+    worker.feed().send(feed::Command::Stop);
+    worker.join();
+    Ok(match (left?, signals.received()) {
+        (_, Some(signal)) => Exit::Signal(signal).code(),
+        (Leave::HangUp, None) => Exit::Signal(SIGHUP).code(),
+        _ => 0,
+    })
+}
+
 fn report(run: &str, out: Option<&Path>) -> Result<u8> {
     let run = Found::by_name(run)?;
     if run.is_going_on() {
@@ -209,6 +246,8 @@ fn experiment(what: &Experiment) -> Result<u8> {
         Experiment::Queue(options) => queue::run(options),
         Experiment::Gas(options) => gas::run(options),
         Experiment::Trade(options) => trade::run(options),
+        Experiment::Fluid(options) => fluid::run(options),
+        Experiment::Observables(options) => observables::run(options),
     }
 }
 

@@ -169,6 +169,7 @@ impl Prepared {
             series: sender,
             trajectory,
             directory: directory.as_ref().map(|found| found.path().to_owned()),
+            replay: false,
             checkpoint_every: self.checkpoint_every,
             on_trouble: Some(self.on_trouble),
             program_start,

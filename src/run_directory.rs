@@ -227,6 +227,20 @@ impl Found {
         })
     }
 
+    /// The run that was started last of those that have ended.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when none has.
+    pub fn newest_ended() -> Result<Self> {
+        let runs = Self::all()?;
+        let ended = runs.iter().filter(|run| !run.is_going_on());
+        let newest = ended.max_by_key(|run| run.started());
+        newest.cloned().ok_or_else(|| {
+            let known = listed(&runs);
+            Error::Usage(format!("no run has ended: {known}"))
+        })
+    }
+
     /// When the run was started, or gone on with.
     pub fn started(&self) -> Option<SystemTime> {
         let lock = fs::metadata(self.path.join(LOCK)).ok()?;

@@ -27,6 +27,7 @@ pub mod trails;
 pub mod view;
 pub mod visit;
 
+use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -90,6 +91,11 @@ pub fn run(feed: &dyn Feed, access: Access, stop: &AtomicBool, options: &Options
         feed.send(Command::Goto(None));
     }
     feed.send(Command::Watch(false));
+    let last = copy::text(screen.shown());
+    drop(screen);
+    if options.keeps_screen() && !matches!(left, Err(_) | Ok(Leave::HangUp)) {
+        let _ = io::stdout().write_all(last.as_bytes()); // whoever has gone since then misses nothing
+    }
     left
 }
 

@@ -5,7 +5,7 @@
 //! trajectory, so the clock has no influence on the physics.
 
 pub mod engines;
-mod observables;
+pub mod observables;
 
 mod echo;
 mod measure;
@@ -52,6 +52,8 @@ pub struct Options {
     pub trajectory: Option<Recorder>,
     /// Directory of the run, if it has one: there its checkpoints go.
     pub directory: Option<PathBuf>,
+    /// Whether the run has ended and is only shown: it rests, and writes nothing.
+    pub replay: bool,
     /// Wall time between two checkpoints.
     pub checkpoint_every: Duration,
     /// What is done when the run's accuracy is in doubt; `None` does not look.
@@ -131,6 +133,27 @@ impl Worker {
     pub fn resume(saved: SavedRun, options: Options) -> Self {
         let origin = Arc::clone(&saved.origin);
         Self::begin(origin, run::Begin::Saved(Box::new(saved)), options)
+    }
+
+    /// Shows a run that has ended as its checkpoint has it; `directory` is where its past is, if it is known.
+    ///
+    /// # Panics
+    /// If the system gives the process no second thread.
+    pub fn replay(saved: SavedRun, directory: Option<PathBuf>, program_start: Instant) -> Self {
+        let options = Options {
+            engine: saved.engine,
+            until: saved.until,
+            until_error: None,
+            reversals: Vec::new(),
+            series: None,
+            trajectory: None,
+            directory,
+            replay: true,
+            checkpoint_every: Duration::MAX,
+            on_trouble: None,
+            program_start,
+        };
+        Self::resume(saved, options)
     }
 
     fn begin(origin: Arc<Origin>, begin: run::Begin, options: Options) -> Self {

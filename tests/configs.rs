@@ -18,6 +18,7 @@ fn run(name: &str, until: f64) -> (Arc<Snapshot>, Outcome) {
         until: Some(until),
         series: None,
         directory: None,
+        replay: false,
         checkpoint_every: Duration::MAX,
         on_trouble: None,
         until_error: None,

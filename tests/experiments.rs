@@ -27,6 +27,8 @@ fn results_are_not_overwritten_and_that_is_known_before_anything_is_measured() {
         ("queue", "queue.json"),
         ("gas", "gas.md"),
         ("trade", "trade-faith.csv"),
+        ("fluid", "fluid-transport.csv"),
+        ("observables", "observables-cost.csv"),
     ] {
         let out = tempfile::tempdir().expect("a temporary directory");
         fs::write(out.path().join(file), "mine").expect("written");

@@ -16,6 +16,7 @@ fn options(engine: Choice, until: f64) -> Options {
         until: Some(until),
         series: None,
         directory: None,
+        replay: false,
         checkpoint_every: Duration::MAX,
         on_trouble: None,
         until_error: None,
@@ -82,8 +83,8 @@ fn fluid(observe: &str, until: f64) -> String {
     )
 }
 
-/// Reference values at this density: molecular dynamics over Enskog 1.20 for diffusion (Speedy 1987), which 500 balls in a
-/// periodic box lower by 6 % or so; viscosity 0.58 and conductivity 2.3 (Lue 2005) with the errors of a short run.
+/// Reference values at this density: molecular dynamics over Enskog 1.20 for diffusion in boxes of this size (Speedy 1987);
+/// viscosity 0.58 and conductivity 2.3 (Lue 2005) with the errors of a short run.
 #[test]
 fn a_fluid_has_its_contact_value_diffusion_and_transport_coefficients() {
     let last = run(
@@ -129,6 +130,33 @@ fn a_fluid_has_its_contact_value_diffusion_and_transport_coefficients() {
     );
 }
 
+/// Diffusion of 500 balls against Speedy's fit (Mol. Phys. 62, 509, 1987), which sums up boxes of such a size: above Enskog's in
+/// the middle, below it near freezing. All densities: `moltop experiment fluid`.
+#[test]
+fn diffusion_follows_the_trend_of_the_reference_with_density() {
+    let over_enskog = [
+        (0.2, 0.876, 1.87404),
+        (0.5, 0.240, 7.68227),
+        (0.8, 0.0645, 22.9177),
+    ]
+    .map(|(density, reference, rate)| {
+        let (edge, until) = ((500.0_f64 / density).cbrt(), 2000.0 / rate);
+        let text =
+            fluid("motion = true", until).replace("[10, 10, 10]", &format!("{:?}", [edge; 3]));
+        let last = run(&text, Choice::default());
+        let diffusion = figure(&last, "motion", "diffusion_coefficient.balls");
+        let slow = last.temperature.expect("balls that move").sqrt();
+        let value = diffusion.value.expect("a long run") / slow;
+        assert!((value / reference - 1.0).abs() < 0.04, "{density}: {value}");
+        ratio(diffusion).0
+    });
+    let [gas, fluid, dense] = over_enskog;
+    assert!(
+        gas > 1.03 && fluid > gas + 0.07 && dense < 1.02,
+        "{over_enskog:?}"
+    );
+}
+
 /// Flights of a gas against the law that kinetic theory gives them: Pearson's sum over bins of enough flights.
 #[test]
 fn free_flights_are_spread_as_kinetic_theory_says() {
@@ -152,6 +180,31 @@ fn free_flights_are_spread_as_kinetic_theory_says() {
             "{name}: {} of the flights are elsewhere",
             distance / total
         );
+    }
+}
+
+/// Seventeen mean free times, at whose end each ball is on a flight that is longer than most: those must not lack.
+#[test]
+fn long_flights_are_not_missing_from_the_histogram_of_a_short_run() {
+    let text = "units = \"reduced\"\n[domain]\nkind = \"periodic\"\nsize = [63.5, 63.5, 63.5]\n\
+         [[species]]\ncount = 4000\nradius = 0.5\nmass = 1\nplacement = { kind = \"random\" }\n\
+         velocity = { kind = \"normal\", deviation = 1 }\n[observe]\nflights = true\n[run]\nuntil = 150\n";
+    let last = run(text, Choice::default());
+    let flights = observable(&last, "flights");
+    for name in ["path", "time"] {
+        let found = column(flights, &format!("flights_by_{name}"));
+        let edges = column(flights, &format!("free_{name}"));
+        let total: f64 = found.iter().sum();
+        assert!(total > 25_000.0, "{total}");
+        let half = 0.5 * edges[1];
+        let sum: f64 = found
+            .iter()
+            .zip(&edges)
+            .map(|(found, edge)| found * (edge + half))
+            .sum();
+        let mean = figure(&last, "flights", &format!("mean_free_{name}"));
+        let ratio = sum / total / mean.value.expect("flights");
+        assert!((ratio - 1.0).abs() < 0.02, "{name}: {ratio}");
     }
 }
 

@@ -607,6 +607,18 @@ fn check_says_what_a_scene_is_and_will_cost() {
         words.contains("512 balls") && words.contains("packing fraction  0.1090"),
         "{words}"
     );
+    let lines: Vec<&str> = (words.lines())
+        .filter(|line| line.starts_with("observe"))
+        .collect();
+    assert_eq!(lines.len(), 6, "{words}");
+    assert!(lines.iter().any(
+        |line| line.contains("flights: off; ") && line.contains("% more time in a dilute gas")
+    ));
+    assert!(
+        lines
+            .iter()
+            .any(|line| line.ends_with("transport: not in this scene"))
+    );
     let oxygen: Value =
         serde_json::from_slice(&output(&directory, &["check", "--json"]).stdout).expect("JSON");
     assert_eq!(

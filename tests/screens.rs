@@ -743,4 +743,15 @@ fn observables_are_shown_and_switched_by_keys() {
     assert_eq!(app.observable, ObservableName::RadialDistribution);
     press(&mut app, KeyCode::Char('9'));
     assert_eq!(app.enlarged, None);
+    // Where the first of the list is off, the panel opens on what is on.
+    let mut app = watching(&Phase::Running, false);
+    let observables = observing().observables[1..].to_vec();
+    show(
+        &mut app,
+        Snapshot {
+            observables: Arc::new(observables),
+            ..observing()
+        },
+    );
+    assert_eq!(app.observable, ObservableName::Motion);
 }

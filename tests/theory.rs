@@ -44,6 +44,7 @@ fn check(scene: &Scene, until: f64, tolerance: [f64; 3]) {
         until: Some(until),
         series: None,
         directory: None,
+        replay: false,
         checkpoint_every: Duration::MAX,
         on_trouble: None,
         until_error: None,

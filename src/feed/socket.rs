@@ -56,10 +56,9 @@ impl SocketFeed {
             match place::connect(&run.path) {
                 Ok(stream) => break stream,
                 Err(_) if !run.is_going_on() => {
-                    let results = run.path.display();
+                    let (name, results) = (&run.name, run.path.display());
                     return Err(Error::Usage(format!(
-                        "{}: has ended: its results are in {results}",
-                        run.name
+                        "{name}: has ended: its results are in {results}; `moltop replay {name}` shows them"
                     )));
                 }
                 // A run that has just begun opens its socket in a moment.

@@ -5,6 +5,8 @@
 //!
 //! Source: Ramirez, Sukumaran, Vorselaars & Likhtman, J. Chem. Phys. 133, 154103 (2010), there with averaging.
 
+use std::ops::Range;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -70,6 +72,15 @@ impl Correlator {
     /// Takes the vectors of one instant; instants follow one another at equal intervals.
     pub fn record(&mut self, vectors: &[DVec3]) {
         let width = 1 + self.group_sizes.len();
+        let mut end = 0;
+        let stretches = self.groups.chunk_by(|one, next| one == next);
+        let stretches: Vec<(usize, Range<usize>)> = stretches
+            .map(|alike| {
+                let begin = end;
+                end += alike.len();
+                (usize::from(alike[0]), begin..end)
+            })
+            .collect();
         for level in 0..LEVELS {
             if self.records.trailing_zeros() < level as u32 && self.records > 0 {
                 break;
@@ -93,10 +104,11 @@ impl Correlator {
                 let earlier = &ring[(*next + POINTS - lag) % POINTS * vectors.len()..];
                 let sums = &mut self.sums.open()[index * width..][..width];
                 sums[0] += 1.0;
-                for ((now, then), &group) in vectors.iter().zip(earlier).zip(&self.groups) {
-                    sums[1 + usize::from(group)] += match self.kind {
-                        Kind::Displacement => (*now - *then).length_squared(),
-                        Kind::Product => now.dot(*then),
+                for (group, range) in &stretches {
+                    let (now, then) = (&vectors[range.clone()], &earlier[range.clone()]);
+                    sums[1 + group] += match self.kind {
+                        Kind::Displacement => sum(now, then, |a, b| (a - b).length_squared()),
+                        Kind::Product => sum(now, then, DVec3::dot),
                     };
                 }
             }
@@ -124,6 +136,11 @@ impl Correlator {
             .filter(|index| total[index * width] > 0.0)
             .map(|index| (index, lag(index)))
             .collect()
+    }
+
+    /// Records of the settled part of the run.
+    pub fn records(&self) -> f64 {
+        self.sums.total()[0]
     }
 
     /// The mean over a group at a lag, by where the lag stands.
@@ -162,6 +179,20 @@ impl Correlator {
         let row = &sums[index * (1 + self.group_sizes.len())..];
         (row[0] > 0.0).then(|| row[1 + group] / row[0] / f64::from(self.group_sizes[group]))
     }
+}
+
+/// Sum over pairs, in four sums side by side, so that none has to wait for the one before.
+fn sum(now: &[DVec3], then: &[DVec3], of: impl Fn(DVec3, DVec3) -> f64) -> f64 {
+    let (now_fours, now_rest) = now.as_chunks::<4>();
+    let (then_fours, then_rest) = then.as_chunks::<4>();
+    let mut sums = [0.0; 4];
+    for (now, then) in now_fours.iter().zip(then_fours) {
+        for lane in 0..4 {
+            sums[lane] += of(now[lane], then[lane]);
+        }
+    }
+    let rest = now_rest.iter().zip(then_rest).map(|(a, b)| of(*a, *b));
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest.sum::<f64>()
 }
 
 /// Lag by its place, in records.

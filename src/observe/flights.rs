@@ -3,7 +3,8 @@
 //! A wall turns a flight but does not end it.
 //!
 //! The means are what all balls have flown over how many flights ended: in a run of a few flights per ball, the mean of those
-//! that ended would be too short, as long ones are still going on. The histograms hold whole flights.
+//! that ended would be too short, as long ones are still going on. For the same reason the histograms begin only after the time
+//! that they reach: of flights that end from then on, however long, it is known where they began.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,7 +24,7 @@ const BINS_PER_MEAN: f64 = 20.0;
 pub struct Flights {
     /// Where each ball's flight began, or the count of it.
     began: Vec<Time>,
-    /// Where the count began or was interrupted: what began then is no whole flight.
+    /// Where the count began or was interrupted.
     opened: Time,
     /// Balls that can fly.
     moving: f64,
@@ -68,12 +69,13 @@ impl Flights {
     pub fn record(&mut self, collision: &Collision, velocities: &Velocities) {
         match collision.participants {
             Participants::Pair(first, second) => {
+                let reach = BIN_COUNT as f64 * self.time_bin;
+                let counts = collision.time.since(self.opened) >= reach;
                 for ball in [first, second] {
                     let began = std::mem::replace(&mut self.began[ball as usize], collision.time);
                     if velocities.mass(ball).is_finite() {
                         let time = collision.time.since(began);
-                        let whole = began != self.opened;
-                        self.end(time * velocities.of_ball(ball).length(), time, whole);
+                        self.end(time * velocities.of_ball(ball).length(), time, counts);
                     }
                 }
             }
@@ -86,8 +88,8 @@ impl Flights {
     }
 
     #[inline]
-    fn end(&mut self, length: f64, time: f64, whole: bool) {
-        if whole {
+    fn end(&mut self, length: f64, time: f64, counts: bool) {
+        if counts {
             let bin = |value: f64, width: f64| ((value / width) as usize).min(BIN_COUNT - 1);
             self.lengths[bin(length, self.length_bin)] += 1;
             self.times[bin(time, self.time_bin)] += 1;

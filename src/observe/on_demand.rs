@@ -12,8 +12,8 @@ use crate::observe::transport::Transport;
 use crate::observe::velocities::Velocities;
 use crate::state::State;
 
-/// Looks at the state from one at which structure is counted to the next: balls must have moved on.
-const LOOKS_PER_COUNT: u64 = 10;
+/// Looks at the state from one at which every ball is counted to the next: balls must have moved on, and it takes time.
+pub const LOOKS_PER_COUNT: u64 = 10;
 
 /// Observers that a scene asks for; `None` where it does not.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -79,7 +79,8 @@ impl OnDemand {
 
     /// Looks at the state's present, the next of equally spaced instants.
     pub fn look(&mut self, state: &State) {
-        if self.looks.is_multiple_of(LOOKS_PER_COUNT) {
+        let counts = self.looks.is_multiple_of(LOOKS_PER_COUNT);
+        if counts {
             if let Some(radial_distribution) = &mut self.radial_distribution {
                 radial_distribution.look(state);
             }
@@ -94,13 +95,16 @@ impl OnDemand {
         if let Some(relaxation) = &mut self.relaxation {
             relaxation.look(state);
         }
-        if let Some(velocities) = &mut self.velocities {
+        if let Some(transport) = &mut self.transport {
+            transport.look(state);
+        }
+        if let Some(velocities) = self.velocities.as_mut().filter(|_| counts) {
             velocities.set_right(state);
             if let Some(flights) = &mut self.flights {
                 flights.look(state, velocities);
             }
             if let Some(transport) = &mut self.transport {
-                transport.look(state, velocities);
+                transport.set_right(velocities);
             }
         }
     }

@@ -58,31 +58,37 @@ impl RadialDistribution {
         let places: Vec<DVec3> = (state.trajectories.iter())
             .map(|flight| flight.position_at(state.now))
             .collect();
+        let mut coordinates = [0, 1, 2].map(|_| Vec::with_capacity(count));
+        for place in &places {
+            for (axis, coordinate) in coordinates.iter_mut().zip(place.to_array()) {
+                axis.push(coordinate);
+            }
+        }
+        // Without walls every ball's shells lie inside, and a look at all of them sees each pair from both its ends: once is enough.
         let is_inner = |place: &DVec3| match state.domain.boundary {
             Boundary::Periodic => true,
             Boundary::Container | Boundary::Open => (half - place.abs()).min_element() >= reach,
         };
-        let mut centers = 0;
-        let (from, per_width) = (self.from, 1.0 / self.width);
+        let at_once = (PAIRS_PER_LOOK / count.max(1)).clamp(1, count);
+        let all = at_once == count && state.domain.boundary == Boundary::Periodic;
+        let (weight, mut centers) = (if all { 2.0 } else { 1.0 }, 0);
+        let (from, per_width, last) = (self.from, 1.0 / self.width, self.bins - 1);
         let sums = self.sums.open();
-        for _ in 0..(PAIRS_PER_LOOK / count.max(1)).clamp(1, count) {
+        for _ in 0..at_once {
             let center = self.next;
             self.next = (self.next + 1) % count;
             if !is_inner(&places[center]) {
                 continue;
             }
             centers += 1;
-            for (other, place) in places.iter().enumerate() {
-                let mut apart = (*place - places[center]).abs();
-                if period.x > 0.0 {
-                    apart = apart.min(period - apart);
+            let begin = if all { center + 1 } else { 0 };
+            let others = coordinates.each_ref().map(|axis| &axis[begin..]);
+            for_each_near(others, places[center], period, reach, |other, distance| {
+                if begin + other != center {
+                    let bin = ((distance - from) * per_width).max(0.0) as usize;
+                    sums[bin.min(last)] += weight;
                 }
-                let squared = apart.length_squared();
-                if squared < reach * reach && other != center {
-                    let bin = ((squared.sqrt() - from) * per_width).max(0.0) as usize;
-                    sums[bin.min(self.bins - 1)] += 1.0;
-                }
-            }
+            });
         }
         let density = (count as f64 - 1.0) / state.domain.volume();
         sums[self.bins] += f64::from(centers) * density;
@@ -125,6 +131,44 @@ impl RadialDistribution {
     }
 }
 
+/// Calls `near` with the index and the distance of each place within `reach` of a center; `period` is zero without images.
+///
+/// Distances are made many at once and then looked through: few are near.
+fn for_each_near(
+    places: [&[f64]; 3],
+    center: DVec3,
+    period: DVec3,
+    reach: f64,
+    mut near: impl FnMut(usize, f64),
+) {
+    const AT_ONCE: usize = 64;
+    let [xs, ys, zs] = places.map(|axis| axis.chunks(AT_ONCE));
+    let mut squares = [0.0; AT_ONCE];
+    for (chunk, ((x, y), z)) in xs.zip(ys).zip(zs).enumerate() {
+        squares[..x.len()].fill(0.0);
+        for (axis, coordinates) in [x, y, z].into_iter().enumerate() {
+            let (middle, period) = (center[axis], period[axis]);
+            if period > 0.0 {
+                for (square, coordinate) in squares.iter_mut().zip(coordinates) {
+                    let apart = (coordinate - middle).abs();
+                    let image = period - apart;
+                    let apart = if image < apart { image } else { apart };
+                    *square += apart * apart;
+                }
+            } else {
+                for (square, coordinate) in squares.iter_mut().zip(coordinates) {
+                    *square += (coordinate - middle) * (coordinate - middle);
+                }
+            }
+        }
+        for (index, square) in squares[..x.len()].iter().enumerate() {
+            if *square < reach * reach {
+                near(chunk * AT_ONCE + index, square.sqrt());
+            }
+        }
+    }
+}
+
 /// Value at 0 of the parabola that fits points `[x, y, weight]` best; `None` for fewer than four.
 fn parabola_at_zero(points: &[[f64; 3]]) -> Option<f64> {
     if points.len() < 4 {
@@ -149,6 +193,46 @@ fn parabola_at_zero(points: &[[f64; 3]]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn near_places_are_those_of_a_search_one_by_one() {
+        let mut word = 1_u64;
+        let mut random = || {
+            word = word
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (word >> 11) as f64 / (1_u64 << 53) as f64 * 10.0 - 5.0
+        };
+        let places: Vec<DVec3> = (0..333)
+            .map(|_| DVec3::new(random(), random(), random()))
+            .collect();
+        let axes = [0, 1, 2].map(|axis| places.iter().map(|place| place[axis]).collect::<Vec<_>>());
+        for period in [DVec3::ZERO, DVec3::splat(10.0)] {
+            for center in &places[..20] {
+                let mut found = Vec::new();
+                let axes = axes.each_ref().map(Vec::as_slice);
+                for_each_near(axes, *center, period, 3.0, |index, distance| {
+                    found.push((index, distance));
+                });
+                let apart = |place: &DVec3| {
+                    let apart = (*place - *center).abs();
+                    (if period.x > 0.0 {
+                        apart.min(period - apart)
+                    } else {
+                        apart
+                    })
+                    .length()
+                };
+                let all = places.iter().map(apart).enumerate();
+                let expected: Vec<_> = all.filter(|(_, distance)| *distance < 3.0).collect();
+                assert!(expected.len() > 10);
+                assert_eq!(found.len(), expected.len());
+                for ((index, distance), (other, twin)) in found.iter().zip(&expected) {
+                    assert!(index == other && (distance - twin).abs() < 1e-12);
+                }
+            }
+        }
+    }
 
     #[test]
     fn a_parabola_is_found_again() {

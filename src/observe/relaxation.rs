@@ -73,10 +73,18 @@ impl Relaxation {
 }
 
 fn point(state: &State) -> Option<Point> {
-    let speeds = Speeds::of(state)?;
+    let (mut second, mut fourth) = (0.0, 0.0);
+    for (ball, flight) in state.trajectories.iter().enumerate() {
+        let squared = flight.velocity.length_squared() * state.bodies.of(ball).mass;
+        if squared.is_finite() {
+            second += squared;
+            fourth += squared * squared;
+        }
+    }
+    let speeds = Speeds::at_energy(state, 0.5 * second)?;
     let count = state.ball_count() as f64;
     let mass = state.bodies.of(0).mass;
-    let deviation = (2.0 * state.kinetic_energy() / (3.0 * count * mass)).sqrt();
+    let deviation = (second / (3.0 * count * mass)).sqrt();
     let width = speeds.bin_width / deviation;
     let entropy = |share: f64, bin: usize| {
         let (inner, outer) = (bin as f64 * width, (bin as f64 + 1.0) * width);
@@ -90,14 +98,6 @@ fn point(state: &State) -> Option<Point> {
     let counts = speeds.counts.iter().map(|&balls| balls as f64 / count);
     let expected = speeds.maxwell.iter().map(|balls| balls / count);
     let occupied = speeds.maxwell.iter().filter(|balls| **balls >= 1.0).count() as f64;
-    let (mut second, mut fourth) = (0.0, 0.0);
-    for (ball, flight) in state.trajectories.iter().enumerate() {
-        let squared = flight.velocity.length_squared() * state.bodies.of(ball).mass;
-        if squared.is_finite() {
-            second += squared;
-            fourth += squared * squared;
-        }
-    }
     let collisions: u64 = state.collisions.iter().sum();
     Some(Point {
         time: state.now,

@@ -48,8 +48,12 @@ impl Speeds {
     /// In a mixture, a ball counts with the speed that a ball of the first ball's mass would have at its kinetic energy, so
     /// that one curve holds for all.
     pub fn of(state: &State) -> Option<Self> {
+        Self::at_energy(state, state.kinetic_energy())
+    }
+
+    /// The same where the kinetic energy is known.
+    pub fn at_energy(state: &State, energy: f64) -> Option<Self> {
         let count = state.ball_count();
-        let energy = state.kinetic_energy();
         if count == 0 || energy <= 0.0 {
             return None;
         }

@@ -86,14 +86,18 @@ impl Transport {
         }
     }
 
-    /// Takes the state's present as the next of equally spaced instants; the velocities have just been set right.
-    pub fn look(&mut self, state: &State, velocities: &Velocities) {
+    /// Takes the state's present as the next of equally spaced instants.
+    pub fn look(&mut self, state: &State) {
         self.fly_until(state.now);
-        self.rates = rates(velocities);
         let moments = self
             .integrals
             .map(|sums| DVec3::from_array(sums.map(|sum| sum.value())));
         self.moments.record(&moments);
+    }
+
+    /// Takes the rates from velocities that have just been set right, so that rounding does not gather; after a look.
+    pub fn set_right(&mut self, velocities: &Velocities) {
+        self.rates = rates(velocities);
     }
 
     /// Follows a reversal of all velocities.

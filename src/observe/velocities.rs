@@ -1,7 +1,7 @@
 //! The velocity of every ball, followed from collision to collision for those observers that need it.
 //!
 //! An engine reports what a collision gave to the balls, not what they had; whoever needs both keeps account here. Rounding is
-//! set right at each look at the state.
+//! set right at some looks at the state.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};

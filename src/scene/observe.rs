@@ -68,6 +68,14 @@ impl Name {
 }
 
 impl Observe {
+    /// The wish for one thing.
+    pub fn only(name: Name) -> Self {
+        Self {
+            chosen: vec![name],
+            ..Self::default()
+        }
+    }
+
     /// Chooses more.
     pub fn add(&mut self, names: &[Name]) {
         for name in names {

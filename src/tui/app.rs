@@ -88,6 +88,19 @@ pub enum Request {
     Redraw,
 }
 
+/// Whether an action is a command to the engine.
+fn is_command(action: Action) -> bool {
+    matches!(
+        action,
+        Action::Pause
+            | Action::Reverse
+            | Action::Step
+            | Action::Slower
+            | Action::Faster
+            | Action::Checkpoint
+    )
+}
+
 /// A wish handed to the run that its snapshots may not show yet.
 #[derive(Clone, Copy, Debug)]
 struct Wish<T> {
@@ -233,6 +246,12 @@ impl App {
             || self.visit.is_some() && past(&snapshot) != past(&self.latest);
         let before = std::mem::replace(&mut self.latest, snapshot);
         self.tell_news(&before);
+        // The panel opens on what is observed, if that is not what was chosen.
+        if before.observables.is_empty() && self.latest.observed(self.observable).is_none() {
+            let observed = |name: &ObservableName| self.latest.observed(*name).is_some();
+            let first = ObservableName::ALL.into_iter().find(observed);
+            self.observable = first.unwrap_or(self.observable);
+        }
         let sequence = self.latest.sequence;
         let stale = |since: u64| sequence > since + PATIENCE;
         let paused = self.latest.phase == Phase::Paused;
@@ -293,7 +312,7 @@ impl App {
         if control && matches!(key.code, KeyCode::Char('c' | 'C')) {
             return Some(match self.access {
                 Access::Owner => Leave::Quit,
-                Access::Watcher | Access::ReadOnly => Leave::Detach,
+                _ => Leave::Detach,
             });
         }
         let action = self.keymap.action(&key);
@@ -452,23 +471,30 @@ impl App {
 
     /// Why a key cannot do now what it is there for.
     fn refusal(&self, action: Action) -> Option<&'static str> {
-        let commands = matches!(
-            action,
-            Action::Pause
-                | Action::Reverse
-                | Action::Step
-                | Action::Slower
-                | Action::Faster
-                | Action::Checkpoint
-        );
-        if self.access == Access::ReadOnly && (commands || action == Action::Goto) {
-            Some("read-only: this key does not reach the run")
+        let commands = is_command(action);
+        let looks = action == Action::Observe && self.enlarged != Some(Panel::Observables);
+        if !self.reaches(action) && !looks {
+            Some(if self.access == Access::Replay {
+                "the run has ended: `moltop RUN` goes on with it"
+            } else {
+                "read-only: this key does not reach the run"
+            })
         } else if self.visit.is_some() && (commands || action == Action::Mark) {
             Some("this is the past: 0 comes back to the run")
         } else if !self.going_on() && (commands || action == Action::Goto) {
             Some("the run has ended")
         } else {
             None
+        }
+    }
+
+    /// Whether what a key asks for is there to be had, or the run is out of its reach for good.
+    pub fn reaches(&self, action: Action) -> bool {
+        let changes = is_command(action) || action == Action::Observe;
+        match self.access {
+            Access::Owner | Access::Watcher => true,
+            Access::ReadOnly => !changes && action != Action::Goto,
+            Access::Replay => !changes,
         }
     }
 
@@ -544,7 +570,9 @@ impl App {
     /// Leaves a run that goes on, or asks before.
     fn leave(&mut self, action: Action) -> Option<Leave> {
         match (self.access, action) {
-            (Access::ReadOnly, _) | (Access::Watcher, Action::Detach) => Some(Leave::Detach),
+            (Access::ReadOnly | Access::Replay, _) | (Access::Watcher, Action::Detach) => {
+                Some(Leave::Detach)
+            }
             _ => {
                 self.overlay = Some(Overlay::QuitQuestion);
                 None

@@ -30,6 +30,8 @@ pub struct Config {
     pub pictures_per_s: Option<f64>,
     /// Whether the mouse is listened to.
     pub mouse: Option<bool>,
+    /// Whether the last screen is left on the terminal.
+    pub keep_screen: Option<bool>,
     /// Which key does what.
     pub keymap: Keymap,
 }
@@ -57,6 +59,7 @@ pub fn template() -> String {
          # max_bytes_per_s = 8000   # on a slow line the picture waits first, the numbers last\n\
          # pictures_per_s = 1.0     # pictures of the gas per second at the most\n\
          # mouse = true             # with the mouse on, most terminals select text while shift is held\n\
+         # keep_screen = false      # leave the last screen on the terminal when the dashboard closes\n\
          \n\
          [keys]                     # a letter, f1 to f12, ctrl- and a letter, or one of\n\
          # space enter esc tab backtab backspace delete insert left right up down home end pageup pagedown\n",
@@ -176,6 +179,11 @@ impl Reader<'_> {
                 ),
                 "mouse" => set(
                     &mut config.mouse,
+                    value.get_ref().as_bool(),
+                    "true or false",
+                ),
+                "keep_screen" => set(
+                    &mut config.keep_screen,
                     value.get_ref().as_bool(),
                     "true or false",
                 ),

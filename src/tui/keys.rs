@@ -244,14 +244,14 @@ pub const KEYS: &[Binding] = &[
             entry(Action::Panel(6), "panel-6", &[key('6')]),
             entry(Action::Panel(7), "panel-7", &[key('7')]),
             entry(Action::Panel(8), "panel-8", &[key('8')]),
+            entry(Action::Panel(9), "panel-9", &[key('9')]),
         ],
         short: "panels",
-        help: "gas, now, speeds, run, history, events, trust, link: in the whole window, and back",
+        help: "a panel in the whole window, and back: gas, now, speeds, run, history, events, trust, link, observables",
         rank: 5,
     },
     Binding {
         entries: &[
-            entry(Action::Panel(9), "panel-9", &[key('9')]),
             entry(Action::NextObservable, "next-observable", &[key('o')]),
             entry(Action::Observe, "observe", &[key('O')]),
         ],
@@ -552,7 +552,7 @@ mod tests {
     fn the_screen_names_keys_shortly() {
         let keymap = Keymap::default();
         let shown: Vec<String> = KEYS.iter().map(|binding| keymap.shown(binding)).collect();
-        for name in ["space", ", .", "←↑↓→", "1-8", "pgdn pgup", "ctrl-l"] {
+        for name in ["space", ", .", "←↑↓→", "1-9", "pgdn pgup", "ctrl-l"] {
             assert!(shown.iter().any(|shown| shown == name), "{shown:?}");
         }
     }

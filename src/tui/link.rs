@@ -43,7 +43,7 @@ impl Meter {
     pub fn new(budget: f64, access: Access, now: Instant) -> Self {
         let clock = match access {
             Access::Owner => ClockId::ThreadCPUTime,
-            Access::Watcher | Access::ReadOnly => ClockId::ProcessCPUTime,
+            _ => ClockId::ProcessCPUTime,
         };
         let link = Link {
             budget,

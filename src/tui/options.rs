@@ -13,6 +13,10 @@ use crate::tui::theme::{Colors, Palette, Theme, locale_is_utf8};
 /// What the command line says of the screen.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Screen")]
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "each is a flag of the command line, and any may be on with any other"
+)]
 pub struct Options {
     /// 7-bit characters only [default: where the locale is not UTF-8]
     #[arg(long, env = "MOLTOP_ASCII", value_parser = FalseyValueParser::new())]
@@ -40,6 +44,9 @@ pub struct Options {
     /// Seconds between two plain lines [default: 10]
     #[arg(long, value_name = "S", env = "MOLTOP_PLAIN_EVERY", value_parser = seconds)]
     pub plain_every: Option<f64>,
+    /// Leave the last screen on the terminal when the dashboard closes
+    #[arg(long, env = "MOLTOP_KEEP_SCREEN", value_parser = FalseyValueParser::new())]
+    pub keep_screen: bool,
     /// Leave the mouse to the terminal
     #[arg(long, env = "MOLTOP_NO_MOUSE", value_parser = FalseyValueParser::new())]
     pub no_mouse: bool,
@@ -105,6 +112,11 @@ impl Options {
     pub fn budget(&self) -> f64 {
         let wanted = self.max_bytes_per_s.or(self.config.max_bytes_per_s);
         wanted.map_or(pace::BUDGET * self.picture_rate().max(1.0), f64::from)
+    }
+
+    /// Whether the last screen is left on the terminal.
+    pub fn keeps_screen(&self) -> bool {
+        self.keep_screen || self.config.keep_screen == Some(true)
     }
 
     /// Whether the mouse is listened to.

@@ -11,6 +11,9 @@ const SLICE_S: f64 = 0.008;
 /// How much longer the next slice may be than the last.
 const GROWTH: f64 = 2.0;
 
+/// How much shorter a slice may be than the one before, at the most.
+const SHRINKAGE: f64 = 8.0;
+
 /// Wall time over which "lately" reaches back.
 const LATELY_S: f64 = 3.0;
 
@@ -198,18 +201,36 @@ impl Slices {
     }
 
     /// Learns that a slice of simulated time `run` took `spent`.
+    ///
+    /// A slice may be cut short to the last bit of its end, and the processor be away just then: that says nothing, and slices
+    /// so short that time stood still would teach nothing else. So one slice shortens the next by a factor at the most.
     pub fn learn(&mut self, run: f64, spent: Duration) {
-        let wanted = run * SLICE_S / spent.as_secs_f64().max(1e-9);
-        // A slice cut short says little: it may not shorten the next one below what it shows, nor lengthen it at a stroke.
-        if run > 0.0 && wanted.is_finite() {
-            self.length = wanted.min(self.length * GROWTH);
-        }
+        let wanted = if run > 0.0 {
+            run * SLICE_S / spent.as_secs_f64().max(1e-9)
+        } else {
+            f64::INFINITY
+        };
+        self.length = wanted.clamp(self.length / SHRINKAGE, self.length * GROWTH);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn time_goes_on_after_a_slice_of_one_bit_during_which_the_processor_was_away() {
+        let (mut slices, mut time) = (Slices::new(1e-3), 60.0_f64);
+        slices.learn(time.next_up() - time, Duration::from_millis(20));
+        for _ in 0..40 {
+            let end = time + slices.length();
+            slices.learn(end - time, Duration::from_micros(1));
+            time = end;
+        }
+        assert!(time > 61.0, "{time}");
+        slices.learn(0.0, Duration::from_micros(1));
+        assert!(slices.length() > 1e-3);
+    }
 
     #[test]
     fn a_steady_run_has_a_steady_rate_and_a_sharp_estimate() {

@@ -144,6 +144,7 @@ fn follow(
         until_error: None,
         series: None,
         directory: None,
+        replay: false,
         trajectory: None,
         checkpoint_every: Duration::MAX,
         on_trouble: None,

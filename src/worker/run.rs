@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use super::echo::EchoWatch;
 use super::measure::{self, Pictures, Pressures, Survey};
+use super::observables::{self, Plan};
 use super::pace::{Mean, Meter, Slices};
 use super::past::Past;
 use super::saved::{Origin, SavedRun, Totals};
@@ -278,7 +279,11 @@ impl<'a> Run<'a> {
             last_row: Totals::default(),
             rows: 0,
             next_frame: (setting.options.trajectory.as_ref()).map_or(0, Recorder::first),
-            phase: Phase::Running,
+            phase: if setting.options.replay {
+                Phase::Paused
+            } else {
+                Phase::Running
+            },
             queue: [Mean::default(); 2],
             reversals: Vec::new(),
             marks: Vec::new(),
@@ -291,7 +296,9 @@ impl<'a> Run<'a> {
             limit_anchor: (now, 0.0),
             step_until: None,
             target: 0.0,
-            writer: setting.options.directory.clone().map(Writer::start),
+            writer: (setting.options.directory.clone())
+                .filter(|_| !setting.options.replay)
+                .map(Writer::start),
             checkpoint_due: now, // from the start on there is one to go back to
             saved_at: None,
             notice: None,
@@ -543,36 +550,10 @@ impl<'a> Run<'a> {
         self.reversals.len() % 2 == 1
     }
 
-    /// Advances the gas, and shows it to the observers on demand at their instants, wherever slices end.
+    /// Advances the gas with all its observers, wherever slices end.
     fn run_to(&mut self, target: f64) -> Result<(), Stuck> {
-        let units = self.engine.state().units;
-        let observer = &mut self.observer;
-        let Some((plan, on_demand)) = self
-            .setting
-            .origin
-            .plan
-            .as_ref()
-            .zip(self.on_demand.as_mut())
-        else {
-            let until = units.instant(target);
-            return (self.engine).advance_in_sums(until, &mut |report| observer.take(report));
-        };
-        loop {
-            let due = on_demand.looks as f64 * plan.every();
-            let until = units.instant(due.min(target));
-            if on_demand.wants_collisions() {
-                self.engine.advance(until, &mut |collision| {
-                    observer.record(collision);
-                    on_demand.record(collision);
-                })?;
-            } else {
-                (self.engine).advance_in_sums(until, &mut |report| observer.take(report))?;
-            }
-            if due > target {
-                return Ok(());
-            }
-            self.engine.settle();
-            on_demand.look(self.engine.state());
-        }
+        let plan = self.setting.origin.plan.as_ref();
+        let on_demand = (self.on_demand.as_mut()).zip(plan.map(Plan::every));
+        observables::advance(&mut *self.engine, &mut self.observer, on_demand, target)
     }
 }

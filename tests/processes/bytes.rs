@@ -91,12 +91,19 @@ fn keys_are_acted_on_at_once_on_a_line_that_is_full() {
     let terminal = dashboard(&runs, (200, 50), &FLOOD, &[]);
     terminal.carry(3_000);
     bytes_within(&[&terminal], Duration::from_secs(2));
-    terminal.press("w");
-    let pressed = Instant::now();
-    let copy = runs.path().join("moltop-screen-1.txt");
-    wait_until("the copy", || copy.exists(), || terminal.screen());
-    println!("the key was acted on after {:?}", pressed.elapsed());
-    assert!(pressed.elapsed() < Duration::from_secs(2));
+    let mut delays: Vec<Duration> = (1..=9)
+        .map(|number| {
+            let copy = runs.path().join(format!("moltop-screen-{number}.txt"));
+            terminal.press("w");
+            let pressed = Instant::now();
+            wait_until("the copy", || copy.exists(), || terminal.screen());
+            pressed.elapsed()
+        })
+        .collect();
+    delays.sort();
+    println!("nine keys were acted on after {delays:?}");
+    // The median: the machine may be busy with other tests for a while.
+    assert!(delays[4] < Duration::from_millis(100), "{delays:?}");
 }
 
 #[test]

@@ -141,6 +141,8 @@ fn several_watchers_see_one_run_and_only_some_command_it() {
     looker.press("q"); // a reader leaves without a question
     assert_eq!(looker.wait().code(), Some(0));
     assert_eq!(runs.status(RUN)["state"], "paused");
+    let (words, code) = runs.refused(&["replay", RUN]);
+    assert!(words.contains("is going on") && code == Some(2), "{words}");
     other.press("d");
     assert_eq!(other.wait().code(), Some(0));
     other.wait_for("512-balls-1 goes on");
@@ -216,6 +218,47 @@ fn marks_outlive_their_watcher_and_the_past_is_beside_the_run() {
     again.press("d");
     again.wait();
     check_stops(&runs);
+}
+
+#[test]
+fn a_run_that_has_ended_is_looked_at_again_with_its_past_and_is_not_changed() {
+    let runs = Runs::new();
+    runs.output(&["run", SCENE, "--until", "20", "--checkpoint-every", "1s"]);
+    let directory = runs.path().join("moltop").join(RUN);
+    let files = || {
+        let entries = std::fs::read_dir(&directory).expect("a directory");
+        let written = entries.map(|entry| {
+            let entry = entry.expect("an entry");
+            let modified = entry.metadata().and_then(|file| file.modified());
+            (entry.file_name(), modified.expect("a time"))
+        });
+        let mut written: Vec<_> = written.collect();
+        written.sort();
+        written
+    };
+    let before = files();
+    let mut terminal = Terminal::start(&mut runs.moltop(&["replay"]), 80, 24);
+    terminal.wait_for("● ended");
+    terminal.wait_for("t 20.00 of 20.00");
+    terminal.press(" ");
+    terminal.wait_for("the run has ended: `moltop RUN` goes on with it");
+    terminal.press("g50%\r");
+    terminal.wait_for("the past at 10.0, run ended");
+    terminal.press("0");
+    terminal.wait_for("● ended");
+    terminal.press("q");
+    assert_eq!(terminal.wait().code(), Some(0));
+    assert!(terminal.is_sane());
+
+    let checkpoint = directory.join("checkpoint");
+    let path = checkpoint.to_str().expect("a path");
+    let mut keeping = Terminal::start(&mut runs.moltop(&["replay", path, "--keep-screen"]), 80, 24);
+    keeping.wait_for("● ended");
+    keeping.press("d");
+    assert_eq!(keeping.wait().code(), Some(0));
+    keeping.wait_for("● ended"); // on the terminal as it was before
+    assert!(keeping.is_sane());
+    assert_eq!(files(), before);
 }
 
 #[test]

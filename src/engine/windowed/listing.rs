@@ -87,7 +87,9 @@ struct Block {
     radius: [f32; BLOCK],
     /// Which of the cells from the lowest on are touched; or why that is not known.
     touched: [u32; BLOCK],
-    /// Number of the lowest place.
+    /// The lowest place along each axis.
+    lower: [[f32; BLOCK]; 3],
+    /// Its number.
     place: [u32; BLOCK],
 }
 
@@ -130,13 +132,14 @@ impl<'f> WithSimd for Listing<'_, 'f> {
     type Output = &'f [Line];
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> &'f [Line] {
+    fn with_simd<S: Simd>(self, simd: S) -> &'f [Line] {
         let bounds = Bounds::new(&self.gas);
         let mut block = Block {
             position: [[0.0; BLOCK]; 3],
             velocity: [[0.0; BLOCK]; 3],
             radius: [bounds.radius; BLOCK],
             touched: [0; BLOCK],
+            lower: [[0.0; BLOCK]; 3],
             place: [0; BLOCK],
         };
         let targets = &self.gas.grid.targets[..];
@@ -172,7 +175,7 @@ impl<'f> WithSimd for Listing<'_, 'f> {
                 let radii = &radii[number * BLOCK..][..lines.len()];
                 block.radius[..lines.len()].copy_from_slice(radii);
             }
-            touch(&mut block, &bounds);
+            touch(simd, &mut block, &bounds);
             for plane in &bounds.planes {
                 avoid(&mut block, *plane, bounds.slack);
             }
@@ -205,70 +208,107 @@ impl<'f> WithSimd for Listing<'_, 'f> {
 
 /// Finds the cells that the paths of a block touch.
 #[inline(always)]
-fn touch(block: &mut Block, bounds: &Bounds) {
+fn touch<S: Simd>(simd: S, block: &mut Block, bounds: &Bounds) {
+    let lanes = size_of::<S::f32s>() / size_of::<f32>();
+    for vector in 0..BLOCK / lanes {
+        touch_vector(simd, block, bounds, vector);
+    }
     for lane in 0..BLOCK {
-        // As shares of the path: when each of the cells along an axis is entered and left.
-        let (mut enter, mut leave) = ([[0.0_f32; SPAN]; 3], [[0.0_f32; SPAN]; 3]);
-        let mut touched = 0;
-        let mut place = 0;
-        let reach = block.radius[lane] + bounds.slack;
-        for axis in 0..3 {
-            let (from, way) = (block.position[axis][lane], block.velocity[axis][lane]);
-            let to = from + way;
-            let back = way < 0.0;
-            let (low, high) = if back { (to, from) } else { (from, to) };
-            let lower = floor(low - reach, bounds.per_edge[axis]);
-            let lower = max(lower, bounds.lowest);
-            let upper = floor(high + reach, bounds.per_edge[axis]);
-            let upper = min(upper, bounds.highest[axis]);
-            touched |= if upper - lower > SPAN as f32 - 0.5 {
-                WIDE
-            } else {
-                0
-            };
-            let margin = block.radius[lane] * bounds.hard;
-            let (least, most) = bounds.inside[axis];
-            touched |= if low < least + margin || high > most - margin {
-                NEAR_BOUNDARY
-            } else {
-                0
-            };
-            place += ((lower + 1.0 + WHOLE).to_bits() & 0xffff) * bounds.strides[axis];
+        let place = |axis: usize| {
+            let lower = block.lower[axis][lane] + 1.0 + WHOLE;
+            (lower.to_bits() & 0xffff) * bounds.strides[axis]
+        };
+        block.place[lane] = place(0) + place(1) + place(2);
+    }
+}
 
-            // The path begins and ends in the outermost cells, or beyond the last there are and near a boundary.
-            let per_way = 1.0 / if way.abs() < 1e-30 { 1e-30 } else { way };
-            let face = (lower + 1.0) * bounds.edges[axis] - from;
-            let next_face = face + bounds.edges[axis];
-            let near = [(face - reach) * per_way, (next_face - reach) * per_way];
-            let far = [(face + reach) * per_way, (next_face + reach) * per_way];
-            enter[axis] = if back {
-                [far[0], far[1], -1.0]
-            } else {
-                [-1.0, near[0], near[1]]
-            };
-            leave[axis] = if back {
-                [2.0, near[0], near[1]]
-            } else {
-                [far[0], far[1], 2.0]
-            };
-            let cells = upper - lower;
-            enter[axis][1] = if cells > 0.5 { enter[axis][1] } else { 3.0 };
-            enter[axis][2] = if cells > 1.5 { enter[axis][2] } else { 3.0 };
-        }
-        for x in 0..SPAN {
-            let (entered, left) = (max(enter[0][x], 0.0), min(leave[0][x], 1.0));
-            for y in 0..SPAN {
-                let (entered, left) = (max(enter[1][y], entered), min(leave[1][y], left));
-                for z in 0..SPAN {
-                    let (entered, left) = (max(enter[2][z], entered), min(leave[2][z], left));
-                    let bit = (x * SPAN + y) * SPAN + z;
-                    touched |= if entered <= left { 1 << bit } else { 0 };
-                }
+/// Finds the cells that as many paths touch as a vector holds; `vector` says which of the block's.
+#[inline(always)]
+fn touch_vector<S: Simd>(simd: S, block: &mut Block, bounds: &Bounds, vector: usize) {
+    let all = |value: f32| simd.splat_f32s(value);
+    let zero = all(0.0);
+    let bit =
+        |mask: S::m32s, bit: u32| simd.select_u32s(mask, simd.splat_u32s(bit), simd.splat_u32s(0));
+    // As shares of the path: when each of the cells along an axis is entered and left.
+    let (mut enter, mut leave) = ([[zero; SPAN]; 3], [[zero; SPAN]; 3]);
+    let mut touched = simd.splat_u32s(0);
+    let radius = S::as_simd_f32s(&block.radius).0[vector];
+    let reach = simd.add_f32s(radius, all(bounds.slack));
+    let margin = simd.mul_f32s(radius, all(bounds.hard));
+    for axis in 0..3 {
+        let from = S::as_simd_f32s(&block.position[axis]).0[vector];
+        let way = S::as_simd_f32s(&block.velocity[axis]).0[vector];
+        let to = simd.add_f32s(from, way);
+        let back = simd.less_than_f32s(way, zero);
+        let (low, high) = (
+            simd.select_f32s(back, to, from),
+            simd.select_f32s(back, from, to),
+        );
+        let per_edge = all(bounds.per_edge[axis]);
+        let cell = |place: S::f32s| floor(simd, simd.mul_f32s(place, per_edge));
+        let lower = simd.max_f32s(cell(simd.sub_f32s(low, reach)), all(bounds.lowest));
+        let upper = cell(simd.add_f32s(high, reach));
+        let upper = simd.min_f32s(upper, all(bounds.highest[axis]));
+        let cells = simd.sub_f32s(upper, lower);
+        let wide = simd.greater_than_f32s(cells, all(SPAN as f32 - 0.5));
+        touched = simd.or_u32s(touched, bit(wide, WIDE));
+        let (least, most) = bounds.inside[axis];
+        let below = simd.less_than_f32s(low, simd.add_f32s(all(least), margin));
+        let above = simd.greater_than_f32s(high, simd.sub_f32s(all(most), margin));
+        let near = simd.or_m32s(below, above);
+        touched = simd.or_u32s(touched, bit(near, NEAR_BOUNDARY));
+        S::as_mut_simd_f32s(&mut block.lower[axis]).0[vector] = lower;
+
+        // The path begins and ends in the outermost cells, or beyond the last there are and near a boundary.
+        let least = all(1e-30);
+        let rests = simd.less_than_f32s(simd.abs_f32s(way), least);
+        let per_way = simd.div_f32s(all(1.0), simd.select_f32s(rests, least, way));
+        let edge = all(bounds.edges[axis]);
+        let face = simd.mul_f32s(simd.add_f32s(lower, all(1.0)), edge);
+        let face = simd.sub_f32s(face, from);
+        let next_face = simd.add_f32s(face, edge);
+        let share = |way: S::f32s| simd.mul_f32s(way, per_way);
+        let near = [face, next_face].map(|face| share(simd.sub_f32s(face, reach)));
+        let far = [face, next_face].map(|face| share(simd.add_f32s(face, reach)));
+        let turned =
+            |back_value: S::f32s, value: S::f32s| simd.select_f32s(back, back_value, value);
+        let never = all(3.0);
+        let from_cell = |count: f32, entered: S::f32s| {
+            let reached = simd.greater_than_f32s(cells, all(count));
+            simd.select_f32s(reached, entered, never)
+        };
+        enter[axis] = [
+            turned(far[0], all(-1.0)),
+            from_cell(0.5, turned(far[1], near[0])),
+            from_cell(1.5, turned(all(-1.0), near[1])),
+        ];
+        leave[axis] = [
+            turned(all(2.0), far[0]),
+            turned(near[0], far[1]),
+            turned(near[1], all(2.0)),
+        ];
+    }
+    for x in 0..SPAN {
+        let (entered, left) = (
+            simd.max_f32s(enter[0][x], zero),
+            simd.min_f32s(leave[0][x], all(1.0)),
+        );
+        for y in 0..SPAN {
+            let (entered, left) = (
+                simd.max_f32s(enter[1][y], entered),
+                simd.min_f32s(leave[1][y], left),
+            );
+            for z in 0..SPAN {
+                let (entered, left) = (
+                    simd.max_f32s(enter[2][z], entered),
+                    simd.min_f32s(leave[2][z], left),
+                );
+                let passes = simd.less_than_or_equal_f32s(entered, left);
+                touched = simd.or_u32s(touched, bit(passes, 1 << ((x * SPAN + y) * SPAN + z)));
             }
         }
-        block.touched[lane] = touched;
-        block.place[lane] = place;
     }
+    S::as_mut_simd_u32s(&mut block.touched).0[vector] = touched;
 }
 
 /// Marks the paths of a block that may meet a plane.
@@ -286,17 +326,112 @@ fn avoid(block: &mut Block, (normal, offset): ([f32; 3], f32), slack: f32) {
     }
 }
 
+/// The largest whole number that is no larger; of what lies beyond four million, some number beyond that.
 #[inline(always)]
-fn floor(coordinate: f32, per_edge: f32) -> f32 {
-    (coordinate * per_edge).floor()
+fn floor<S: Simd>(simd: S, place: S::f32s) -> S::f32s {
+    // In its neighbourhood numbers have no digits after the point.
+    let whole = simd.splat_f32s(1.5 * WHOLE);
+    let nearest = simd.sub_f32s(simd.add_f32s(place, whole), whole);
+    let one_less = simd.sub_f32s(nearest, simd.splat_f32s(1.0));
+    simd.select_f32s(simd.greater_than_f32s(nearest, place), one_less, nearest)
 }
 
-#[inline(always)]
-fn max(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
+#[cfg(test)]
+mod tests {
+    use pulp::{Scalar, Scalar128b, Scalar256b, Scalar512b};
+    use rand::{RngExt, SeedableRng};
+    use rand_xoshiro::Xoshiro256PlusPlus;
 
-#[inline(always)]
-fn min(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
+    use super::*;
+
+    const EDGES: [f32; 3] = [1.0, 1.1, 0.9];
+
+    fn bounds() -> Bounds {
+        Bounds {
+            slack: 1e-4,
+            radius: 0.1,
+            lowest: -1.0,
+            highest: [10.0; 3],
+            edges: EDGES,
+            per_edge: EDGES.map(|edge| 1.0 / edge),
+            strides: [144, 12, 1],
+            inside: EDGES.map(|edge| (1e-4, 10.0 * edge - 1e-4)),
+            hard: 1.0,
+            planes: Vec::new(),
+        }
+    }
+
+    fn touched<S: Simd>(
+        simd: S,
+        positions: &[[f32; BLOCK]; 3],
+        velocities: &[[f32; BLOCK]; 3],
+    ) -> Block {
+        let mut block = Block {
+            position: *positions,
+            velocity: *velocities,
+            radius: [0.1; BLOCK],
+            touched: [0; BLOCK],
+            lower: [[0.0; BLOCK]; 3],
+            place: [0; BLOCK],
+        };
+        touch(simd, &mut block, &bounds());
+        block
+    }
+
+    #[test]
+    fn vectors_of_every_width_list_a_path_wherever_it_comes() {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(7);
+        for _ in 0..20 {
+            let mut draw = |from: f32, to: f32| {
+                std::array::from_fn(|_| std::array::from_fn(|_| random.random_range(from..to)))
+            };
+            let (positions, velocities) = (draw(1.7, 7.0), draw(-1.4, 1.4));
+            let one = touched(Scalar, &positions, &velocities);
+            let others = [
+                touched(Scalar128b, &positions, &velocities),
+                touched(Scalar256b, &positions, &velocities),
+                touched(Scalar512b, &positions, &velocities),
+            ];
+            for other in others {
+                assert_eq!((one.touched, one.place), (other.touched, other.place));
+            }
+            for lane in 0..BLOCK {
+                assert_eq!(one.touched[lane] & NEAR_BOUNDARY, 0);
+                if one.touched[lane] & WIDE != 0 {
+                    continue;
+                }
+                for step in 0..=100 {
+                    let cell = [0, 1, 2].map(|axis| {
+                        let way = velocities[axis][lane] * step as f32 / 100.0;
+                        ((positions[axis][lane] + way) / EDGES[axis]).floor()
+                    });
+                    let [x, y, z] =
+                        [0, 1, 2].map(|axis| (cell[axis] - one.lower[axis][lane]) as usize);
+                    let bit = (x * SPAN + y) * SPAN + z;
+                    assert_ne!(
+                        one.touched[lane] >> bit & 1,
+                        0,
+                        "{positions:?} {velocities:?}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn whole_numbers_are_those_below() {
+        for place in [
+            -1.5_f32,
+            -1.0,
+            -0.25,
+            0.0,
+            0.5,
+            0.999_999_94,
+            1.0,
+            7.5,
+            65_535.996,
+        ] {
+            assert_eq!(floor(Scalar, place), place.floor());
+        }
+    }
 }

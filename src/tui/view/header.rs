@@ -4,6 +4,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use super::text::{put, put_before, width};
+use crate::feed::Access;
 use crate::snapshot::{Phase, Snapshot};
 use crate::tui::app::App;
 use crate::tui::format::{MISSING, clock, duration_range, quantity};
@@ -15,7 +16,10 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
     if area.height < 2 {
         return;
     }
-    let left = left(snapshot);
+    let left = match app.access {
+        Access::Replay => String::new(),
+        _ => left(snapshot),
+    };
     let fields = [
         (time(snapshot), 22),
         (format!("wall {}", clock(snapshot.wall_time_s)), 13),
@@ -68,6 +72,7 @@ pub(super) fn title_row(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut
 /// The state in words.
 pub(super) fn state(app: &App) -> String {
     let words = match (&app.latest.phase, app.latest.reversed) {
+        _ if app.access == Access::Replay => "ended",
         (Phase::Starting, _) => "starting",
         (Phase::Running, false) => "running",
         (Phase::Running, true) => "running reversed",

@@ -201,13 +201,15 @@ fn curve(observed: &Observed, curve: Curve, units: Units, area: Rect, buffer: &m
     let mut dots = Dots::new(plot);
     dots.line(found.iter().map(dot));
     dots.draw(plot, theme::BAR, buffer);
+    // As many digits as tell the ends apart.
+    let closeness = (low.abs().max(high.abs()) / (high - low)).log10().ceil();
+    let digits = (2.0 + closeness).clamp(3.0, 9.0) as usize;
     let number = |value: f64| {
-        let value = if curve.logarithmic {
-            10_f64.powf(value)
+        if curve.logarithmic {
+            plain(10_f64.powf(value), 3)
         } else {
-            value
-        };
-        plain(value, 3)
+            plain(value, digits)
+        }
     };
     let x = |value: f64| {
         let value = if curve.logarithmic {

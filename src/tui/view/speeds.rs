@@ -16,7 +16,18 @@ const TAIL: f64 = 0.001;
 /// Rows of the histogram of a component, at least.
 const COMPONENT: u16 = 6;
 
-/// Draws the panel; one that fills the window has the components of the velocity too.
+/// Percentiles that are told, by the share of the balls that are slower.
+const PERCENTILES: [(&str, f64); 7] = [
+    ("1 %", 0.01),
+    ("10 %", 0.1),
+    ("50 %", 0.5),
+    ("90 %", 0.9),
+    ("99 %", 0.99),
+    ("99.9 %", 0.999),
+    ("99.99 %", 0.9999),
+];
+
+/// Draws the panel; one that fills the window has the percentiles and the components of the velocity too.
 pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     let units = snapshot.scene.units;
     let Some(speeds) = &snapshot.speeds else {
@@ -38,7 +49,13 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
     }
     let with_components = app.enlarged == Some(Panel::Speeds) && inner.height >= 3 * COMPONENT;
     let low = if with_components { inner.height / 2 } else { 0 };
-    let [high, low] = Layout::vertical([Constraint::Fill(1), Constraint::Length(low)]).areas(inner);
+    let table = if with_components { 4 } else { 0 };
+    let parts = [
+        Constraint::Fill(1),
+        Constraint::Length(table),
+        Constraint::Length(low),
+    ];
+    let [high, table, low] = Layout::vertical(parts).areas(inner);
     let plot = Rect {
         height: high.height - 1,
         ..high
@@ -57,6 +74,7 @@ pub(super) fn panel(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut Buf
     };
     speed_axis((0.0, fastest), units, axis, buffer);
     if with_components {
+        percentiles(speeds, units, table, buffer);
         components(speeds, units, low, buffer);
     }
 }
@@ -81,6 +99,55 @@ fn histogram(measured: &[f64], expected: &[f64], plot: Rect, buffer: &mut Buffer
     }
 }
 
+/// The speeds that shares of the balls stay below, measured and expected, as many as fit.
+fn percentiles(speeds: &Speeds, units: Units, area: Rect, buffer: &mut Buffer) {
+    let counts: Vec<f64> = speeds.counts.iter().map(|count| *count as f64).collect();
+    let balls: f64 = counts.iter().sum();
+    let names = ["slower than", "measured", "Maxwell"];
+    let mut column = 0;
+    for (row, name) in (0..).zip(names) {
+        column = put(buffer, area, (0, row), name, theme::QUIET).max(column);
+    }
+    for (name, share) in PERCENTILES {
+        // Of what only a few balls exceed, a run tells nothing.
+        if (1.0 - share).min(share) * balls < FEW {
+            continue;
+        }
+        let at = |bins: &[f64]| {
+            let speed = percentile(bins, share).map(|bins| bins * speeds.bin_width);
+            quantity(speed, "m/s", units, 4)
+        };
+        let texts = [name.to_owned(), at(&counts), at(&speeds.maxwell)];
+        let widest = texts.iter().map(|text| width(text)).max().unwrap_or(0);
+        let end = column + 2 + widest;
+        if end > area.width {
+            return;
+        }
+        for (row, text) in (0..).zip(&texts) {
+            put_before(buffer, area, (end, row), text, theme::VALUE);
+        }
+        column = end;
+    }
+}
+
+/// Balls that a percentile must leave on its thinner side.
+const FEW: f64 = 10.0;
+
+/// Where a share of a histogram lies below, in bins; within a bin evenly. `None` where that is not known: in the last bin,
+/// which has no upper end, and in an empty histogram.
+fn percentile(bins: &[f64], share: f64) -> Option<f64> {
+    let wanted = share * bins.iter().sum::<f64>();
+    let (_, inner) = bins.split_last()?;
+    let mut below = 0.0;
+    for (bin, count) in inner.iter().enumerate() {
+        if below + count >= wanted && *count > 0.0 {
+            return Some(bin as f64 + (wanted - below) / count);
+        }
+        below += count;
+    }
+    None
+}
+
 /// The three components of the velocity side by side, each with the normal distribution.
 fn components(speeds: &Speeds, units: Units, area: Rect, buffer: &mut Buffer) {
     let parts: [Rect; 3] = Layout::horizontal([Constraint::Fill(1); 3])
@@ -96,15 +163,16 @@ fn components(speeds: &Speeds, units: Units, area: Rect, buffer: &mut Buffer) {
         let columns = usize::from(part.width);
         let shares = |bins: &[f64]| rebin(bins, speeds.component_bin_width, 2.0 * half, columns);
         let name = ["x", "y", "z"][index];
-        let agreement = agreement(speeds.component_ks[index], speeds.ks_critical);
-        put(
-            buffer,
-            part,
-            (0, 0),
-            &format!("along {name}"),
-            theme::STRONG,
-        );
-        put_before(buffer, part, (part.width, 0), &agreement, theme::VALUE);
+        let along = format!("along {name}");
+        let free = put(buffer, part, (0, 0), &along, theme::STRONG) + 1;
+        let long = agreement(speeds.component_ks[index], speeds.ks_critical);
+        let short = long.replace(" of critical", "");
+        if let Some(words) = [long, short]
+            .iter()
+            .find(|words| free + width(words) <= part.width)
+        {
+            put_before(buffer, part, (part.width, 0), words, theme::VALUE);
+        }
         let plot = Rect {
             y: part.y + 1,
             height: part.height.saturating_sub(2),
@@ -252,6 +320,19 @@ mod tests {
             let shared: f64 = rebin(&bins, 0.5, 2.0, columns).iter().sum();
             assert!((shared - 8.0).abs() < 1e-9, "{columns}");
         }
+    }
+
+    #[test]
+    fn percentiles_lie_within_their_bins() {
+        let bins = [0.0, 4.0, 4.0, 2.0];
+        assert_eq!(percentile(&bins, 0.2), Some(1.5));
+        assert_eq!(percentile(&bins, 0.5), Some(2.25));
+        assert_eq!(
+            percentile(&bins, 0.9),
+            None,
+            "the last bin has no upper end"
+        );
+        assert_eq!(percentile(&[0.0; 4], 0.5), None);
     }
 
     #[test]

@@ -361,11 +361,7 @@ fn paragraphs(
     if !start.has_settled() {
         let unmet = start.criteria.iter().filter(|criterion| !criterion.met);
         let unmet: Vec<&str> = unmet.map(|criterion| criterion.what.as_str()).collect();
-        let why = if unmet.is_empty() {
-            "not even looked at".to_owned()
-        } else {
-            unmet.join("; ")
-        };
+        let why = unmet.join("; ");
         paragraphs.push(format!(
             "Warning: the gas had not settled ({why}), so that all averages may drift; give it more time with --seconds."
         ));

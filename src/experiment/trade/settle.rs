@@ -4,14 +4,12 @@
 //! itself is asked: whether balls collide as often as before, have Maxwell's speeds and have left their places, or, as in a
 //! crystal, stay about them for good.
 
-use std::time::Instant;
-
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::windowed::Windowed;
 use crate::experiment::progress::Progress;
-use crate::experiment::trial::{EVENT, Trial};
+use crate::experiment::trial::{EVENT, Trial, processor_seconds};
 use crate::observe::speeds::Speeds;
 use crate::scene::Scene;
 use crate::scene::analysis::{Theory, temperature};
@@ -33,8 +31,8 @@ const LATER: f64 = 1.5;
 /// Budgets in which it must have settled.
 const PATIENCE: f64 = 8.0;
 
-/// Seconds in which it may settle, however small the budget.
-const LEAST_PATIENCE: f64 = 10.0;
+/// Processor seconds in which it may settle, however small the budget: the oxygen needs some twenty.
+const LEAST_PATIENCE: f64 = 30.0;
 
 /// Fewest balls for which a thread is worth its while.
 const BALLS_PER_THREAD: usize = 20_000;
@@ -109,14 +107,14 @@ impl Start {
         };
         let mut trial = Trial::new(choice, placed);
         let mut rule = Rule::new(trial.state());
-        let began = Instant::now();
+        let began = processor_seconds();
         let mut criteria = Vec::new();
         let (mut slice, mut look) = (0_u32, FEWEST);
         let most = MOST.max(2.0 * MOST_COLLISIONS / count);
         while look <= most {
             slice += 1;
             let until = f64::from(slice) / SLICES;
-            let spent = began.elapsed().as_secs_f64();
+            let spent = processor_seconds() - began;
             if progress.stopped()
                 || spent > (PATIENCE * budget).max(LEAST_PATIENCE)
                 || trial.try_run(until * guess, &mut |_| {}).is_err()
@@ -133,6 +131,11 @@ impl Start {
                 look *= LATER;
             }
         }
+        if criteria.is_empty() {
+            // It has not come as far as the first look.
+            criteria = rule.look(trial.state());
+            criteria[0].met = false;
+        }
         Self {
             gas: trial.state().placement(),
             free_time: rule.free_time().unwrap_or(guess),
@@ -144,7 +147,7 @@ impl Start {
 
     /// Whether it has forgotten how it was placed, as far as the rule can tell.
     pub fn has_settled(&self) -> bool {
-        !self.criteria.is_empty() && self.criteria.iter().all(|criterion| criterion.met)
+        self.criteria.iter().all(|criterion| criterion.met)
     }
 }
 

@@ -1,6 +1,6 @@
 //! `moltop experiment trade`: what each setting costs on a scene of the user's, and what it gets wrong.
 //!
-//! All settings start from the same settled gas ([`settle`]) and run on the clock. Speed and averages are from the same run; averages are
+//! All settings start from the same settled gas (`settle`) and run on the clock. Speed and averages are from the same run; averages are
 //! held against an exact engine that ran longer, each with its noise. Trajectories are held against twice the precision on a
 //! part of the gas. The recommendation is read off the measurements. With `--out`, what is known of finished settings is kept
 //! there, and an interrupted experiment goes on with the next one.

@@ -112,7 +112,7 @@ impl Observing {
         if !self.possible {
             return format!("{name}: not in this scene");
         }
-        let percent = |share: f64| plain(100.0 * share);
+        let percent = |share: f64| format!("{:.0}", 100.0 * share);
         let dense = percent(self.cost_dense);
         let cost = self.cost_dilute.map_or_else(
             || format!("{dense} % more time in a dense fluid"),

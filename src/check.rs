@@ -41,9 +41,9 @@ pub const ASSUMED_BALL_STEPS_PER_SECOND: f64 = 2e7;
 /// What each observable adds to the time of a run, as a share of it: on the oxygen, and in a dense fluid of 10,648 balls; looks at
 /// all balls a fifth of a mean free time apart. Measured by `moltop experiment observables`, which gives the errors: several percent.
 const OBSERVING: [(Name, Option<f64>, f64); 6] = [
-    (Name::RadialDistribution, Some(0.01), 0.04),
-    (Name::DensityProfile, Some(0.10), 0.01),
-    (Name::Motion, Some(0.07), 0.04),
+    (Name::RadialDistribution, Some(0.03), 0.04),
+    (Name::DensityProfile, Some(0.0), 0.01),
+    (Name::Motion, Some(0.0), 0.04),
     (Name::Relaxation, Some(0.06), 0.14),
     (Name::Flights, Some(0.09), 0.08),
     (Name::Transport, None, 0.14),

@@ -218,13 +218,7 @@ impl Found {
     /// # Errors
     /// [`Error::Usage`] when none is.
     pub fn newest() -> Result<Self> {
-        let runs = Self::all()?;
-        let going_on = runs.iter().filter(|run| run.is_going_on());
-        let newest = going_on.max_by_key(|run| run.started());
-        newest.cloned().ok_or_else(|| {
-            let known = listed(&runs);
-            Error::Usage(format!("no run is going on: {known}"))
-        })
+        Self::newest_of(Self::is_going_on, "is going on")
     }
 
     /// The run that was started last of those that have ended.
@@ -232,12 +226,15 @@ impl Found {
     /// # Errors
     /// [`Error::Usage`] when none has.
     pub fn newest_ended() -> Result<Self> {
+        Self::newest_of(|run| !run.is_going_on(), "has ended")
+    }
+
+    fn newest_of(is_meant: impl Fn(&Self) -> bool, what: &str) -> Result<Self> {
         let runs = Self::all()?;
-        let ended = runs.iter().filter(|run| !run.is_going_on());
-        let newest = ended.max_by_key(|run| run.started());
+        let newest = (runs.iter().filter(|run| is_meant(run))).max_by_key(|run| run.started());
         newest.cloned().ok_or_else(|| {
             let known = listed(&runs);
-            Error::Usage(format!("no run has ended: {known}"))
+            Error::Usage(format!("no run {what}: {known}"))
         })
     }
 

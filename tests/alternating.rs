@@ -1,6 +1,8 @@
 //! Engine `windowed` as runs have it: it hands the gas over to `event` where its windows do not pay, and takes it back.
 
 mod common;
+#[path = "common/records.rs"]
+mod records;
 
 use common::{lattice, normal, seed_scene};
 use glam::DVec3;
@@ -9,35 +11,11 @@ use moltop::domain::Domain;
 use moltop::engine::alternating::Alternating;
 use moltop::engine::event_driven::EventDriven;
 use moltop::engine::windowed::Windowed;
-use moltop::engine::{Counters, Engine, Saved};
-use moltop::event::Participants;
-use moltop::state::{Placement, State, Time};
+use moltop::engine::{Engine, Saved};
+use moltop::state::{Placement, State};
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
-
-type Records = Vec<(Time, Participants)>;
-
-/// Runs to a time; gives the collisions.
-fn run(engine: &mut dyn Engine, until: f64) -> Records {
-    let until = engine.state().units.instant(until);
-    let mut records = Vec::new();
-    engine
-        .advance(until, &mut |collision| {
-            records.push((collision.time, collision.participants))
-        })
-        .expect("room");
-    records
-}
-
-/// What was counted of the gas itself, and not of how an engine finds collisions.
-fn counted(engine: &dyn Engine) -> Counters {
-    Counters {
-        cell_crossings: 0,
-        stale_events: 0,
-        queue_length_max: 0,
-        ..engine.counters()
-    }
-}
+use records::{advance, counted};
 
 /// `n^3` balls crowded into a corner of a container `wide` times as wide as they take.
 fn crowd(n: usize, wide: f64, seed: u64) -> Placement {
@@ -71,10 +49,10 @@ fn compare(gas: &Placement, stops: &[f64]) -> Vec<&'static str> {
     let mut state = engines[0].state().clone();
     let mut methods = Vec::new();
     for &stop in stops {
-        let expected = run(&mut event, stop);
+        let expected = advance(&mut event, stop);
         assert!(!expected.is_empty());
         for engine in &mut engines {
-            assert!(run(engine, stop) == expected, "at {stop}");
+            assert!(advance(engine, stop) == expected, "at {stop}");
             assert_eq!(engine.state().hash(), event.state().hash());
             assert_eq!(counted(engine), counted(&event));
         }
@@ -93,7 +71,10 @@ fn compare(gas: &Placement, stops: &[f64]) -> Vec<&'static str> {
             panic!("another engine's");
         };
         let mut resumed = Alternating::resume(state, 2, read);
-        assert!(run(&mut resumed, stop) == expected, "resumed, at {stop}");
+        assert!(
+            advance(&mut resumed, stop) == expected,
+            "resumed, at {stop}"
+        );
         assert_eq!(resumed.state(), event.state());
         assert_eq!(counted(&resumed), counted(&event));
         (saved, state) = (resumed.save(), resumed.state().clone());
@@ -142,7 +123,7 @@ fn a_jammed_gas_stops_as_in_engine_event() {
 fn a_gas_that_suits_windows_stays() {
     for gas in [lattice(10, 10.0, 105.0, 3), seed_scene(12, 4)] {
         let mut engine = Alternating::new(State::new(&gas), 1);
-        run(&mut engine, 20.0);
+        advance(&mut engine, 20.0);
         assert_eq!((engine.name(), engine.last_change()), ("windowed", None));
     }
 }
@@ -152,9 +133,9 @@ fn reversal_while_the_other_has_the_gas_is_as_in_engine_event() {
     let gas = cage();
     let gap = 2.0_f64.powi(-20);
     let turn = |engine: &mut dyn Engine| {
-        let there = run(engine, 7.0 * gap);
+        let there = advance(engine, 7.0 * gap);
         engine.reverse();
-        (there, run(engine, 20.0 * gap), engine.state().hash())
+        (there, advance(engine, 20.0 * gap), engine.state().hash())
     };
     let event = turn(&mut EventDriven::new(State::new(&gas)));
     assert!(turn(&mut Alternating::new(State::new(&gas), 1)) == event);

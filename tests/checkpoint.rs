@@ -1,6 +1,8 @@
 //! A run that goes on from its checkpoint is the run that was never stopped, bit for bit; a damaged checkpoint is refused.
 
 mod common;
+#[path = "common/records.rs"]
+mod records;
 
 use std::fs;
 use std::path::Path;
@@ -11,40 +13,18 @@ use std::time::{Duration, Instant};
 use common::{lattice, seed_scene};
 use moltop::checkpoint;
 use moltop::domain::{Boundary, Plane};
-use moltop::engine::{Counters, Engine, Saved};
-use moltop::event::Participants;
+use moltop::engine::{Engine, Saved};
 use moltop::feed::{self, Feed, PastFeed};
 use moltop::scene::Scene;
 use moltop::snapshot::{Phase, Snapshot};
-use moltop::state::{Placement, State, Time};
+use moltop::state::{Placement, State};
 use moltop::worker::engines::{CalendarName, Choice};
 use moltop::worker::{Options, SavedRun, Worker};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use records::{advance, counted};
 use serde_json::Value;
 use tempfile::TempDir;
-
-type Records = Vec<(Time, Participants)>;
-
-fn advance(engine: &mut dyn Engine, until: f64) -> Records {
-    let mut records = Vec::new();
-    let until = engine.state().units.instant(until);
-    let report = &mut |collision: &moltop::event::Collision| {
-        records.push((collision.time, collision.participants))
-    };
-    engine.advance(until, report).expect("room");
-    records
-}
-
-/// What an engine has counted of the gas itself, and not of how it keeps its events.
-fn counted(engine: &dyn Engine) -> Counters {
-    Counters {
-        cell_crossings: 0,
-        stale_events: 0,
-        queue_length_max: 0,
-        ..engine.counters()
-    }
-}
 
 /// Through a file's bytes and back.
 fn through_a_file(engine: &dyn Engine) -> (State, Saved) {

@@ -39,10 +39,8 @@ struct Turns {
     since: Time,
     /// Until when engine `event` has the gas, if it has it.
     until: Option<Time>,
-    /// How long it had it the last time \[epochs\].
+    /// How long it had it the last time \[epochs\]; zero if it never had it.
     last_while: f64,
-    /// Times that the gas changed hands.
-    changes: u64,
 }
 
 /// What the engine must be given beside its state to go on.
@@ -139,7 +137,6 @@ impl Alternating {
             self.method = Method::windowed(state, self.threads, tally);
         }
         self.turns.since = now;
-        self.turns.changes += 1;
     }
 }
 
@@ -203,6 +200,6 @@ impl Engine for Alternating {
     }
 
     fn last_change(&self) -> Option<Time> {
-        (self.turns.changes > 0).then_some(self.turns.since)
+        (self.turns.last_while > 0.0).then_some(self.turns.since)
     }
 }

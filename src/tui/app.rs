@@ -2,11 +2,12 @@
 //!
 //! Always holds: the screen is a function of this value alone. The run is touched only through the commands handed out here.
 
+mod mouse;
+mod reach;
+
 use std::sync::Arc;
 
-use ratatui::crossterm::event::{
-    KeyCode, KeyEvent, KeyEventKind, KeyModifiers, MouseEvent, MouseEventKind,
-};
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
 use crate::feed::{Access, Command};
 use crate::snapshot::{ObservableName, Phase, Snapshot};
@@ -86,19 +87,6 @@ pub enum Request {
     Copy,
     /// Draw the whole screen again.
     Redraw,
-}
-
-/// Whether an action is a command to the engine.
-fn is_command(action: Action) -> bool {
-    matches!(
-        action,
-        Action::Pause
-            | Action::Reverse
-            | Action::Step
-            | Action::Slower
-            | Action::Faster
-            | Action::Checkpoint
-    )
 }
 
 /// A wish handed to the run that its snapshots may not show yet.
@@ -469,35 +457,6 @@ impl App {
         }
     }
 
-    /// Why a key cannot do now what it is there for.
-    fn refusal(&self, action: Action) -> Option<&'static str> {
-        let commands = is_command(action);
-        let looks = action == Action::Observe && self.enlarged != Some(Panel::Observables);
-        if !self.reaches(action) && !looks {
-            Some(if self.access == Access::Replay {
-                "the run has ended: `moltop RUN` goes on with it"
-            } else {
-                "read-only: this key does not reach the run"
-            })
-        } else if self.visit.is_some() && (commands || action == Action::Mark) {
-            Some("this is the past: 0 comes back to the run")
-        } else if !self.going_on() && (commands || action == Action::Goto) {
-            Some("the run has ended")
-        } else {
-            None
-        }
-    }
-
-    /// Whether what a key asks for is there to be had, or the run is out of its reach for good.
-    pub fn reaches(&self, action: Action) -> bool {
-        let changes = is_command(action) || action == Action::Observe;
-        match self.access {
-            Access::Owner | Access::Watcher => true,
-            Access::ReadOnly => !changes && action != Action::Goto,
-            Access::Replay => !changes,
-        }
-    }
-
     fn mark(&mut self, send: &mut dyn FnMut(Command)) {
         let time = self.numbers.time; // what the user sees
         if !self.marks().contains(&time) {
@@ -529,41 +488,6 @@ impl App {
     pub fn turn_by_itself(&mut self) {
         if self.turning && !self.frozen {
             self.camera.turn(TURN, 0);
-        }
-    }
-
-    /// Obeys the mouse: `panel` is what lies under the pointer, `on_title` whether that is its title.
-    pub fn point(&mut self, mouse: &MouseEvent, panel: Option<Panel>, on_title: bool) {
-        if let Some(Overlay::Help(help)) = &mut self.overlay {
-            match mouse.kind {
-                MouseEventKind::ScrollUp => help.scroll = help.scroll.saturating_sub(1),
-                MouseEventKind::ScrollDown => help.scroll = help.scroll.saturating_add(1),
-                _ => {}
-            }
-            return;
-        }
-        if self.overlay.is_some() {
-            return;
-        }
-        match (mouse.kind, panel) {
-            (MouseEventKind::Down(_), Some(panel)) if on_title || panel != Panel::Gas => {
-                self.enlarge(Some(panel));
-            }
-            (MouseEventKind::Down(_), _) => self.dragged = Some((mouse.column, mouse.row)),
-            (MouseEventKind::Drag(_), _) => {
-                if let Some((column, row)) = self.dragged.replace((mouse.column, mouse.row)) {
-                    let (across, down) = (
-                        i32::from(mouse.column) - i32::from(column),
-                        i32::from(mouse.row) - i32::from(row),
-                    );
-                    self.camera.turn(-3 * across, 6 * down);
-                }
-            }
-            (MouseEventKind::ScrollUp, Some(Panel::Gas)) => self.camera.zoom_by(1),
-            (MouseEventKind::ScrollDown, Some(Panel::Gas)) => self.camera.zoom_by(-1),
-            (MouseEventKind::ScrollUp, _) => self.span.halve(true),
-            (MouseEventKind::ScrollDown, _) => self.span.halve(false),
-            _ => {}
         }
     }
 

@@ -165,9 +165,9 @@ fn components(speeds: &Speeds, units: Units, area: Rect, buffer: &mut Buffer) {
         let name = ["x", "y", "z"][index];
         let along = format!("along {name}");
         let free = put(buffer, part, (0, 0), &along, theme::STRONG) + 1;
-        let long = agreement(speeds.component_ks[index], speeds.ks_critical);
-        let short = long.replace(" of critical", "");
-        if let Some(words) = [long, short]
+        let (ks, critical) = (speeds.component_ks[index], speeds.ks_critical);
+        if let Some(words) = [" of critical", ""]
+            .map(|unit| agreement(ks, critical, unit))
             .iter()
             .find(|words| free + width(words) <= part.width)
         {
@@ -192,16 +192,16 @@ fn components(speeds: &Speeds, units: Units, area: Rect, buffer: &mut Buffer) {
 
 /// Whether the speeds are Maxwell's, in words.
 pub(super) fn verdict(speeds: &Speeds) -> String {
-    agreement(speeds.ks, speeds.ks_critical)
+    agreement(speeds.ks, speeds.ks_critical, " of critical")
 }
 
-fn agreement(ks: f64, critical: f64) -> String {
+fn agreement(ks: f64, critical: f64, unit: &str) -> String {
     let ratio = ks / critical;
     if !ratio.is_finite() {
         return MISSING.into();
     }
     let agrees = if ratio <= 1.0 { "agrees" } else { "differs" };
-    format!("KS {:.2} of critical: {agrees}", ratio.min(9_999.0))
+    format!("KS {:.2}{unit}: {agrees}", ratio.min(9_999.0))
 }
 
 /// Right end of the speed axis: nearly all balls, measured and expected, are slower.

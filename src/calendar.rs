@@ -35,6 +35,11 @@ pub trait Calendar: Send {
     /// The earliest event.
     fn first(&mut self) -> Option<Event>;
 
+    /// Some events of which one is likely to be the earliest once the present one is done; none where that is not known.
+    fn soon(&self) -> &[Event] {
+        &[]
+    }
+
     /// Makes `event` the event of its ball, instead of any it had. Times are not negative.
     fn set(&mut self, event: Event);
 

@@ -203,6 +203,17 @@ impl<B: KnownBoundary> CellList<B> {
         Some((target - trajectory.position[axis]) / speed)
     }
 
+    /// Whether a ball reaches into the last cell along an axis, upwards or downwards.
+    #[inline]
+    pub fn is_outermost(&self, ball: usize, (axis, upper): (usize, bool)) -> bool {
+        let range = &self.ranges[ball];
+        if upper {
+            range.high[axis] == self.cell_counts[axis] - 1
+        } else {
+            range.low[axis] == 0
+        }
+    }
+
     /// Lists a ball in the cells it reaches into at a crossing along `axis`, drops those it has left, and hands each new
     /// cell's company to `meet`.
     #[inline]
@@ -237,6 +248,18 @@ impl<B: KnownBoundary> CellList<B> {
     #[inline]
     pub fn for_each_company(&self, ball: usize, mut visit: impl FnMut(Company)) {
         self.ranges[ball].for_each(|cell| visit(self.company(cell)));
+    }
+
+    /// Visits the company in each cell that lies within a distance of a position.
+    #[inline]
+    pub fn for_each_company_near(
+        &self,
+        position: DVec3,
+        distance: f64,
+        mut visit: impl FnMut(Company),
+    ) {
+        self.range_at(position, distance)
+            .for_each(|cell| visit(self.company(cell)));
     }
 
     /// Visits the images at which a ball listed in a cell is seen by one that counts the cell as `cell`: how many boxes to move

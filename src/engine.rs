@@ -9,6 +9,7 @@ use crate::state::{State, Time};
 pub mod alternating;
 pub mod contact;
 pub mod event_driven;
+mod image;
 pub mod reversible;
 pub mod statistical;
 pub mod step_clock;
@@ -170,7 +171,7 @@ pub struct Counters {
     pub wall_collisions: u64,
     /// Collisions with planes.
     pub plane_collisions: u64,
-    /// Balls reaching into a new cell.
+    /// Balls reaching into a new cell, or leaving the shell within which their list of neighbours is good.
     pub cell_crossings: u64,
     /// Queued collisions whose partner had changed course meanwhile.
     pub stale_events: u64,

@@ -4,12 +4,12 @@ mod common;
 #[path = "common/random_scene.rs"]
 mod random_scene;
 
-use common::seed_scene;
+use common::{lattice, seed_scene};
 use glam::DVec3;
 use moltop::calendar::Indexed;
 use moltop::domain::{Boundary, Plane};
 use moltop::engine::Engine;
-use moltop::engine::event_driven::{EventDriven, fitting};
+use moltop::engine::event_driven::{EventDriven, fitting, with_shells};
 use moltop::event::Collision;
 use moltop::scene::analysis;
 use moltop::state::{Body, Placement, State};
@@ -74,6 +74,60 @@ fn every_loop_that_leaves_something_out_gives_the_collisions_of_the_general_one_
         boundaries.iter().all(|&count| count > 500),
         "{boundaries:?}"
     );
+}
+
+/// Lists of neighbours are the fast structure, cells the slow twin.
+#[test]
+fn lists_of_neighbours_give_the_collisions_of_cells_at_every_density_and_with_every_shell() {
+    let (mut crossings, mut count) = (0, 0);
+    for (seed, spacing) in (0_u64..).zip([1.002, 1.02, 1.1, 1.25, 1.5, 2.5]) {
+        for boundary in [Boundary::Container, Boundary::Periodic] {
+            let mut scene = lattice(8, spacing, 8.0 * spacing.max(1.25), seed);
+            if boundary == Boundary::Periodic {
+                scene.domain.half_size *= spacing / spacing.max(1.25);
+            }
+            scene.domain.boundary = boundary;
+            let collisions = |engine: &mut dyn Engine| {
+                let mut collisions: Vec<Collision> = Vec::new();
+                for slice in 1..=5 {
+                    let until = engine.state().units.instant(0.5 * f64::from(slice));
+                    engine
+                        .advance(until, &mut |collision| collisions.push(*collision))
+                        .expect("balls with room");
+                    engine.reverse();
+                    engine.reverse();
+                }
+                (collisions, engine.state().hash())
+            };
+            let cells = collisions(&mut EventDriven::new(State::new(&scene)));
+            count += cells.0.len();
+            for shell in [0.01, 0.2, 0.4] {
+                let scale = State::new(&scene).units.length;
+                let mut engine = with_shells::<Indexed>(State::new(&scene), shell / scale)
+                    .expect("alike balls in a wide box");
+                assert!(
+                    collisions(&mut *engine) == cells,
+                    "{spacing} {boundary:?} {shell}"
+                );
+                crossings += engine.counters().cell_crossings;
+            }
+        }
+    }
+    assert!(count > 50_000 && crossings > 100_000, "{count} {crossings}");
+}
+
+/// A list that has no room for a crowd grows.
+#[test]
+fn lists_of_neighbours_hold_a_crowd() {
+    let scene = lattice(8, 1.05, 9.0, 3);
+    let mut cells = EventDriven::new(State::new(&scene));
+    let scale = cells.state().units.length;
+    let mut lists = with_shells::<Indexed>(State::new(&scene), 0.55 / scale).expect("wide box");
+    let until = cells.state().units.instant(1.0);
+    for engine in [&mut cells as &mut dyn Engine, &mut *lists] {
+        engine.advance(until, &mut |_| {}).expect("balls with room");
+    }
+    assert_eq!(cells.state().hash(), lists.state().hash());
 }
 
 #[test]

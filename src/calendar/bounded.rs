@@ -100,6 +100,11 @@ impl Calendar for Bounded {
     }
 
     #[inline]
+    fn soon(&self) -> &[Event] {
+        self.heap.soon()
+    }
+
+    #[inline]
     fn set(&mut self, event: Event) {
         let bin = self.bin_at(event.time);
         let list = self.entries[event.ball as usize].list;

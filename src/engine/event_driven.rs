@@ -2,7 +2,7 @@
 //!
 //! Every ball has one event in the calendar: the earliest of its next cell crossing, its next wall or plane and the earliest
 //! pair collision it knows of. A ball looks for partners among the balls of each cell it enters, and among all its cells
-//! after each of its own collisions.
+//! after each of its own collisions. In a dense gas lists of neighbours take the place of the cells (`shells.rs`).
 //!
 //! What always holds: of two balls that share a cell, the one that looked last knows a pair collision at or before theirs.
 //! A known collision is checked when its turn comes: a prediction is a pure function of two trajectories, so it holds if
@@ -14,6 +14,12 @@
 
 mod needs;
 mod search;
+mod shells;
+mod surroundings;
+
+use std::marker::PhantomData;
+
+use prefetch_index::prefetch_index;
 
 use crate::calendar::{Calendar, Indexed};
 use crate::cell_list::CellList;
@@ -24,8 +30,11 @@ use crate::engine::{Counters, Engine, Saved, Stuck, Tally};
 use crate::event::{Collision, Event, EventKind, Wall};
 use crate::state::{Body, State, Time, Trajectory};
 pub use needs::General;
-use needs::Needs;
-use search::{Candidate, look};
+use needs::{Needs, Plain};
+use search::Candidate;
+use shells::Shells;
+pub use shells::radius_for as shell_radius;
+use surroundings::Surroundings;
 
 /// Epochs after which the calendar's base moves on. Times up to 16 epochs from the base are exact in the calendar.
 const REBASE_AFTER: f64 = 4.0;
@@ -35,6 +44,9 @@ const SPACINGS_PER_CELL: f64 = 1.5;
 
 /// Cell width in mean diameters, at least.
 const DIAMETERS_PER_CELL: f64 = 1.75;
+
+/// Balls from which on the memory that an event needs is asked for before its turn; fewer are at hand anyway (measured).
+const BEYOND_CACHES: usize = 20_000;
 
 /// Width of the cells that the engine makes for `count` balls in a volume \[length\], unless it is told another.
 pub fn cell_width(volume: f64, count: usize, mean_radius: f64) -> f64 {
@@ -47,23 +59,54 @@ pub fn cell_width(volume: f64, count: usize, mean_radius: f64) -> f64 {
 /// The collisions are those of [`EventDriven`] in general, bit for bit.
 pub fn fitting<C: Calendar + 'static>(state: State, tally: Option<Tally>) -> Box<dyn Engine> {
     match needs::plain(&state) {
-        Some(Boundary::Container) => Box::new(EventDriven::<C, Walls>::resume(state, tally)),
-        Some(Boundary::Periodic) => Box::new(EventDriven::<C, Wrapped>::resume(state, tally)),
-        Some(Boundary::Open) | None => Box::new(EventDriven::<C, General>::resume(state, tally)),
+        Some(Boundary::Container) => fitting_plain::<C, Walls>(state, tally),
+        Some(Boundary::Periodic) => fitting_plain::<C, Wrapped>(state, tally),
+        Some(Boundary::Open) | None => {
+            Box::new(EventDriven::<C, General>::with_calendar(state).resumed(tally))
+        }
     }
 }
 
-/// The event-driven engine, with one of the calendars, for scenes with certain needs.
+fn fitting_plain<C: Calendar + 'static, P: Plain + 'static>(
+    state: State,
+    tally: Option<Tally>,
+) -> Box<dyn Engine> {
+    match Shells::<P>::fitting(&state) {
+        Some(shells) => Box::new(EventDriven::<C, P, _>::among(state, shells).resumed(tally)),
+        None => Box::new(EventDriven::<C, P>::with_calendar(state).resumed(tally)),
+    }
+}
+
+/// Like [`fitting`], with lists of neighbours in shells of this radius \[length\], whether they pay or not; `None` where the scene
+/// needs more than they can do.
+pub fn with_shells<C: Calendar + 'static>(state: State, shell: f64) -> Option<Box<dyn Engine>> {
+    fn plain<C: Calendar + 'static, P: Plain + 'static>(
+        state: State,
+        shell: f64,
+    ) -> Option<Box<dyn Engine>> {
+        let shells = Shells::<P>::with_shell(&state, shell)?;
+        Some(Box::new(EventDriven::<C, P, _>::among(state, shells)))
+    }
+    match needs::plain(&state)? {
+        Boundary::Container => plain::<C, Walls>(state, shell),
+        Boundary::Periodic => plain::<C, Wrapped>(state, shell),
+        Boundary::Open => None,
+    }
+}
+
+/// The event-driven engine, with one of the calendars, for scenes with certain needs, in cells or other surroundings.
 #[derive(Clone, Debug)]
-pub struct EventDriven<C: Calendar = Indexed, N: Needs = General> {
+pub struct EventDriven<C: Calendar = Indexed, N: Needs = General, S = CellList<N>> {
     state: State,
     /// Whether any two balls can collide; if not, there is nothing to look for and no cell to cross.
     interacting: bool,
-    cells: CellList<N>,
+    surroundings: S,
+    needs: PhantomData<N>,
     calendar: C,
     /// The epoch from which the calendar counts.
     base: u64,
     candidates: Vec<Candidate>,
+    reads_ahead: bool,
     instants: InstantWatch,
     counters: Counters,
 }
@@ -91,36 +134,46 @@ impl<C: Calendar, N: Needs> EventDriven<C, N> {
         Self::with_calendar_and_cell_width(state, width)
     }
 
-    /// Goes on from what an event-driven or windowed engine has saved.
-    fn resume(state: State, tally: Option<Tally>) -> Self {
-        let mut engine = Self::with_calendar(state);
-        if let Some(tally) = tally {
-            engine.counters = tally.counters;
-            engine.instants = tally.instants;
-        }
-        engine
+    fn with_calendar_and_cell_width(state: State, width: f64) -> Self {
+        let interacting = state.bodies.largest_radius() > 0.0 && state.ball_count() > 1;
+        let count = if interacting { state.ball_count() } else { 0 };
+        let cells = CellList::new(&state.domain, width, count);
+        Self::among(state, cells)
     }
 
-    fn with_calendar_and_cell_width(state: State, width: f64) -> Self {
+    /// Cells of the grid.
+    pub fn cell_count(&self) -> usize {
+        self.surroundings.cell_count()
+    }
+}
+
+impl<C: Calendar, N: Needs, S: Surroundings<N>> EventDriven<C, N, S> {
+    /// Predicts the first events of every ball, in surroundings that know nobody yet.
+    fn among(state: State, surroundings: S) -> Self {
         let count = state.ball_count();
-        let interacting = state.bodies.largest_radius() > 0.0 && count > 1;
         let mut engine = Self {
-            cells: CellList::new(&state.domain, width, if interacting { count } else { 0 }),
+            surroundings,
+            needs: PhantomData,
             calendar: C::new(count),
             base: 0,
             candidates: Vec::new(),
+            reads_ahead: count > BEYOND_CACHES,
             instants: InstantWatch::new(count),
             counters: Counters::default(),
-            interacting,
+            interacting: state.bodies.largest_radius() > 0.0 && count > 1,
             state,
         };
         engine.predict_everything();
         engine
     }
 
-    /// Cells of the grid.
-    pub fn cell_count(&self) -> usize {
-        self.cells.cell_count()
+    /// Goes on from what an event-driven or windowed engine has saved, if there is anything.
+    fn resumed(mut self, tally: Option<Tally>) -> Self {
+        if let Some(tally) = tally {
+            self.counters = tally.counters;
+            self.instants = tally.instants;
+        }
+        self
     }
 
     #[inline(always)]
@@ -139,12 +192,11 @@ impl<C: Calendar, N: Needs> EventDriven<C, N> {
         self.candidates.clear();
         self.candidates.resize(count, Candidate::NONE);
         if self.interacting() {
-            self.cells = CellList::new(&self.state.domain, self.cells.width(), count);
+            self.surroundings.clear(&self.state);
             for ball in 0..count {
-                let position = self.state.trajectories[ball].position_at(self.state.now);
-                self.cells.push(position, self.body(ball).radius);
+                self.surroundings.push(&self.state, ball);
                 // It looks among the balls before it; those after it will look for it.
-                self.candidates[ball] = self.look_in_all_cells(ball);
+                self.candidates[ball] = self.surroundings.look(&self.state, ball);
             }
         }
         self.rebase(self.state.now.epoch);
@@ -181,29 +233,26 @@ impl<C: Calendar, N: Needs> EventDriven<C, N> {
                 next = (time, kind);
             }
         };
+        if self.interacting()
+            && let Some((flight, axis)) = self.surroundings.crossing(ball, trajectory, radius)
+        {
+            offer(begin + flight, EventKind::Crossing { axis });
+        }
         for axis in 0..3 {
-            let crossing = if self.interacting() {
-                self.cells.crossing(ball, trajectory, radius, axis)
-            } else {
-                None
-            };
-            if let Some(flight) = crossing {
-                offer(begin + flight, EventKind::Crossing { axis });
-            }
-            let limit = match N::of(domain.boundary) {
-                Boundary::Container if crossing.is_none() => domain.half_size[axis] - radius,
-                Boundary::Periodic => domain.half_size[axis],
-                Boundary::Container | Boundary::Open => continue,
-            };
             let speed = trajectory.velocity[axis];
+            let upper = speed > 0.0;
+            let limit = match N::of(domain.boundary) {
+                Boundary::Container => domain.half_size[axis] - radius,
+                Boundary::Periodic => domain.half_size[axis],
+                Boundary::Open => continue,
+            };
+            let face = (axis, upper);
+            if self.interacting() && !self.surroundings.may_reach(ball, radius, domain, face) {
+                continue;
+            }
             if let Some(time) = wall_time(trajectory, axis, limit.copysign(speed)) {
-                offer(
-                    time.relative_to(self.base),
-                    EventKind::Wall(Wall {
-                        axis,
-                        upper: speed > 0.0,
-                    }),
-                );
+                let wall = Wall { axis, upper };
+                offer(time.relative_to(self.base), EventKind::Wall(wall));
             }
         }
         for (index, plane) in N::planes(domain).iter().enumerate() {
@@ -243,20 +292,36 @@ impl<C: Calendar, N: Needs> EventDriven<C, N> {
         }
     }
 
-    /// A ball reaches into new cells: it looks for partners there.
+    /// Asks for the memory of the balls whose events come soon, and of all that those of the next one will look at.
+    #[inline]
+    fn read_ahead(&self) {
+        let balls = |event: &Event| match event.kind() {
+            EventKind::Pair { partner } => [event.ball as usize, partner as usize],
+            _ => [event.ball as usize; 2],
+        };
+        let soon = self.calendar.soon();
+        for event in soon {
+            for ball in balls(event) {
+                prefetch_index(&self.state.trajectories, ball);
+                prefetch_index(&self.state.collisions, ball);
+                prefetch_index(&self.candidates, ball);
+                self.surroundings.prefetch(ball);
+            }
+        }
+        let next = soon
+            .iter()
+            .min_by(|one, other| one.time.total_cmp(&other.time));
+        for ball in next.map(balls).into_iter().flatten() {
+            self.surroundings.prefetch_known(&self.state, ball);
+        }
+    }
+
+    /// A ball reaches into new surroundings: it looks for partners there.
     #[inline]
     fn cross(&mut self, ball: usize, axis: usize) {
         self.counters.cell_crossings += 1;
-        let trajectory = self.state.trajectories[ball];
-        let place = (trajectory.position_at(self.state.now), trajectory.velocity);
-        let radius = self.body(ball).radius;
-        let mut best = self.candidates[ball];
-        let state = &self.state;
-        self.cells
-            .cross(ball, place, radius, axis, |cells, company| {
-                look(state, cells, ball, company, &mut best);
-            });
-        self.candidates[ball] = best;
+        let best = &mut self.candidates[ball];
+        self.surroundings.cross(&self.state, ball, axis, best);
         self.schedule(ball);
     }
 
@@ -274,7 +339,10 @@ impl<C: Calendar, N: Needs> EventDriven<C, N> {
         );
         self.state.images[ball][face.axis] += if face.upper { 1 } else { -1 };
         self.state.trajectories[ball] = after;
-        self.look_around(ball);
+        if self.interacting() {
+            self.surroundings.wrap(&self.state, ball);
+        }
+        self.look_again(ball);
         report(&passage);
     }
 
@@ -381,14 +449,10 @@ impl<C: Calendar, N: Needs> EventDriven<C, N> {
         Ok(())
     }
 
-    /// After a change of course: finds the ball's cells and its next collision anew.
+    /// After a change of course: finds the ball's surroundings and its next collision anew.
     fn look_around(&mut self, ball: usize) {
         if self.interacting() {
-            self.cells.relocate(
-                ball,
-                self.state.trajectories[ball].position,
-                self.body(ball).radius,
-            );
+            self.surroundings.turn(&self.state, ball);
         }
         self.look_again(ball);
     }
@@ -396,22 +460,14 @@ impl<C: Calendar, N: Needs> EventDriven<C, N> {
     /// Finds a ball's next collision anew.
     fn look_again(&mut self, ball: usize) {
         if self.interacting() {
-            self.candidates[ball] = self.look_in_all_cells(ball);
+            self.candidates[ball] = self.surroundings.look(&self.state, ball);
         }
         self.schedule(ball);
         self.note_queue_length();
     }
-
-    fn look_in_all_cells(&self, ball: usize) -> Candidate {
-        let mut best = Candidate::NONE;
-        self.cells.for_each_company(ball, |company| {
-            look(&self.state, &self.cells, ball, company, &mut best);
-        });
-        best
-    }
 }
 
-impl<C: Calendar, N: Needs> Engine for EventDriven<C, N> {
+impl<C: Calendar, N: Needs, S: Surroundings<N>> Engine for EventDriven<C, N, S> {
     fn name(&self) -> &'static str {
         "event"
     }
@@ -434,6 +490,9 @@ impl<C: Calendar, N: Needs> Engine for EventDriven<C, N> {
                 local: event.time - whole as f64,
             };
             let ball = event.ball as usize;
+            if self.reads_ahead {
+                self.read_ahead();
+            }
             match event.kind() {
                 EventKind::Crossing { axis } => self.cross(ball, axis),
                 EventKind::Wall(face)

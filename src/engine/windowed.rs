@@ -33,6 +33,8 @@ mod tuning;
 
 use std::collections::BinaryHeap;
 
+use prefetch_index::prefetch_index;
+
 use crate::engine::contact::InstantWatch;
 use crate::engine::{Counters, Engine, Saved, Stuck, Tally};
 use crate::event::Collision;
@@ -55,6 +57,9 @@ const MOST_PER_WINDOW: usize = 4;
 
 /// Fewest balls in a region: a thread must have enough to do to be worth starting.
 const BALLS_PER_REGION: usize = 10_000;
+
+/// How many flights before its turn the memory of a flight is asked for.
+const FLIGHTS_AHEAD: usize = 16;
 
 /// The windowed engine.
 #[derive(Clone, Debug)]
@@ -312,7 +317,11 @@ impl Windowed {
         let gas = self.gas(self.next_window());
         let shares = self.regions.iter().zip(shares(&mut lines, &self.regions));
         side_by_side(shares, |(region, lines)| {
-            for (line, &ball) in lines.iter_mut().zip(&balls[region.flights.clone()]) {
+            let balls = &balls[region.flights.clone()];
+            for (index, (line, &ball)) in lines.iter_mut().zip(balls).enumerate() {
+                if let Some(&ahead) = balls.get(index + FLIGHTS_AHEAD) {
+                    prefetch_index(&gas.state.trajectories, ahead as usize);
+                }
                 *line = gas.line(&gas.state.trajectories[ball as usize], ball, NONE);
             }
         });

@@ -1,12 +1,14 @@
 //! `moltop experiment observables`: what each observable costs, on the oxygen, in a dense fluid, or in a scene of the user's.
 //!
-//! One gas runs on one thread in slices of equally many looks. Slices with nothing observed and slices with one observable take
-//! turns, so that what else the machine does, and how the gas ages, falls on both alike. The cost is how much longer the
-//! processor takes for a collision.
+//! One gas runs on one thread from look to look. Stretches with nothing observed and with one observable take turns, so that what
+//! else the machine does, and how the gas ages, falls on both alike. The cost is how much longer the processor takes for a
+//! collision.
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::error::{Error, Result};
 use crate::experiment::fit::median;
@@ -18,19 +20,19 @@ use crate::run::load;
 use crate::scene::Scene;
 use crate::scene::observe::{Name, Observe};
 use crate::worker::engines::{Choice, Wishes};
-use crate::worker::observables::{Plan, advance};
+use crate::worker::observables::{Plan, fly};
 
 /// The dense fluid.
 const DENSE: &str = include_str!("../../configs/dense-fluid.toml");
 
 /// Processor time for one observable in one scene \[s\], and with `--quick`.
-const BUDGET_S: [f64; 2] = [8.0, 2.0];
+const BUDGET_S: [f64; 2] = [60.0, 5.0];
 
-/// Processor time of a slice, at least \[s\].
-const SLICE_S: f64 = 0.1;
+/// Processor time of a pair, at least \[s\].
+const PAIR_S: f64 = 0.2;
 
-/// Pairs of slices, at least, whatever they cost.
-const FEWEST_PAIRS: f64 = 5.0;
+/// Pairs, at least, whatever they cost.
+const FEWEST_PAIRS: f64 = 3.0;
 
 /// Mean free times that a gas is given to settle.
 const SETTLE: f64 = 60.0;
@@ -74,7 +76,8 @@ pub fn run(options: &Options) -> Result<u8> {
     };
     let budget = BUDGET_S[usize::from(options.common.quick)];
     let kinds = Name::ALL.len() as f64;
-    let mut progress = Progress::new(scenes.len() as f64 * (kinds * budget + SETTLE_S))?;
+    let mut expected = scenes.len() as f64 * (kinds * budget + SETTLE_S);
+    let mut progress = Progress::new(expected)?;
     let columns = [
         "scene",
         "observable",
@@ -86,6 +89,8 @@ pub fn run(options: &Options) -> Result<u8> {
     let mut table = Table::new("cost", "What observing costs", &columns);
     for scene in &scenes {
         let mut bench = Bench::new(scene, budget, &mut progress)?;
+        expected += kinds * (bench.seconds() - budget);
+        progress.expect(expected);
         for name in Name::ALL {
             if progress.stopped() {
                 break;
@@ -116,9 +121,9 @@ pub fn run(options: &Options) -> Result<u8> {
         command,
         tables: vec![table],
         paragraphs: vec![
-            "One thread, processor time; pairs of slices, with nothing observed and with one observable, in turn. Looks at all \
+            "One thread, processor time; from look to look, with nothing observed or with one observable, in turn. Looks at all \
              balls are as far apart as the scene says, or a fifth of a mean free time. The cost is how much longer a collision \
-             takes: the median of the pairs."
+             takes: the median over pairs of tens of such stretches."
                 .to_owned(),
         ],
         plots: Vec::new(),
@@ -131,14 +136,32 @@ pub fn run(options: &Options) -> Result<u8> {
     Ok(progress.code())
 }
 
-/// A settled gas, and how long a slice of its course is.
+/// A settled gas, and how much of its course is a pair.
 struct Bench {
     trial: Trial,
     every: f64,
-    /// Looks in a slice.
+    /// Looks in a pair.
     looks: u64,
-    /// Pairs of slices for each observable.
+    /// Processor time of a pair \[s\], roughly.
+    pair_seconds: f64,
+    /// Pairs for each observable.
     pairs: usize,
+    /// Which of two stretches comes first.
+    random: Xoshiro256PlusPlus,
+}
+
+/// What stretches of the gas's course took.
+#[derive(Clone, Copy, Default)]
+struct Spent {
+    seconds: f64,
+    collisions: u64,
+}
+
+impl Spent {
+    /// Processor time per pair collision \[s\].
+    fn each(self) -> f64 {
+        self.seconds / self.collisions as f64
+    }
 }
 
 impl Bench {
@@ -171,33 +194,58 @@ impl Bench {
             progress.tell(now - spent, &words);
             spent = now;
         }
-        let per_look = spent / looks.max(1) as f64;
-        // Structure is counted at every tenth look: slices have whole counts.
-        let per_count = per_look * LOOKS_PER_COUNT as f64;
-        let counts = (SLICE_S / per_count).ceil().max(1.0);
+        // Structure is counted at every tenth look: pairs have whole counts.
+        let pair = 2.0 * LOOKS_PER_COUNT as f64 * spent / looks.max(1) as f64;
+        let counts = (PAIR_S / pair).ceil().max(1.0);
         Ok(Self {
             trial,
             every,
             looks: counts as u64 * LOOKS_PER_COUNT,
-            pairs: (0.5 * budget / (counts * per_count)).max(FEWEST_PAIRS) as usize,
+            pair_seconds: counts * pair,
+            pairs: (budget / (counts * pair)).max(FEWEST_PAIRS) as usize,
+            random: Xoshiro256PlusPlus::seed_from_u64(scene.seed),
         })
     }
 
-    /// Processor time per pair collision of a slice \[s\].
-    fn slice(&mut self, observers: Option<&mut OnDemand>) -> f64 {
-        let first = (self.trial.time() / self.every).round();
-        let end = (first + self.looks as f64) * self.every;
-        let before = self.trial.engine.counters().pair_collisions;
+    /// Processor time for an observable \[s\], roughly.
+    fn seconds(&self) -> f64 {
+        (self.pairs + 1) as f64 * self.pair_seconds
+    }
+
+    /// Runs the gas for the time between two looks, and then looks if there are observers.
+    fn stretch(&mut self, observers: Option<&mut OnDemand>, spent: &mut Spent) {
+        let next = (self.trial.time() / self.every).round() + 1.0;
+        let until = self.trial.state().units.instant(next * self.every);
         let Trial { engine, observer } = &mut self.trial;
+        let before = engine.counters().pair_collisions;
         let start = processor_seconds();
-        let observed = observers.map(|observers| {
-            observers.looks = first as u64 + 1;
-            (observers, self.every)
-        });
-        advance(&mut **engine, observer, observed, end).expect("room to move");
-        let spent = processor_seconds() - start;
-        let collisions = self.trial.engine.counters().pair_collisions - before;
-        spent / collisions as f64
+        if let Some(observers) = observers {
+            fly(&mut **engine, observer, observers, until).expect("room to move");
+            engine.settle();
+            observers.look(engine.state());
+        } else {
+            let flown = engine.advance_in_sums(until, &mut |report| observer.take(report));
+            flown.expect("room to move");
+        }
+        spent.seconds += processor_seconds() - start;
+        spent.collisions += engine.counters().pair_collisions - before;
+    }
+
+    /// What as many stretches took without observers and with them: next to each other, in either order by chance, so that what
+    /// engines and machines do now and then falls on both alike.
+    fn pair(&mut self, observers: &mut OnDemand) -> [Spent; 2] {
+        let [mut off, mut on] = [Spent::default(); 2];
+        for _ in 0..self.looks {
+            let off_first = self.random.random_bool(0.5);
+            if off_first {
+                self.stretch(None, &mut off);
+            }
+            self.stretch(Some(observers), &mut on);
+            if !off_first {
+                self.stretch(None, &mut off);
+            }
+        }
+        [off, on]
     }
 
     /// What an observable costs; `None` if it cannot be measured in this scene.
@@ -216,20 +264,13 @@ impl Bench {
         let plan = Plan::new(&wish, &self.trial.state().placement())?;
         let mut observers = plan.observers(self.trial.state())?;
         let words = format!("{}: {}", scene.title, name.key());
-        self.slice(Some(&mut observers)); // fills what it remembers
+        self.pair(&mut observers); // fills what it remembers
         let (mut alone, mut shares) = (Vec::new(), Vec::new());
-        for pair in 0..self.pairs {
-            let start = processor_seconds();
-            let [off, on] = if pair % 2 == 0 {
-                let off = self.slice(None);
-                [off, self.slice(Some(&mut observers))]
-            } else {
-                let on = self.slice(Some(&mut observers));
-                [self.slice(None), on]
-            };
-            alone.push(off);
-            shares.push(on / off - 1.0);
-            progress.tell(processor_seconds() - start, &words);
+        for _ in 0..self.pairs {
+            let [off, on] = self.pair(&mut observers);
+            alone.push(off.each());
+            shares.push(on.each() / off.each() - 1.0);
+            progress.tell(off.seconds + on.seconds, &words);
             if progress.stopped() {
                 return None;
             }

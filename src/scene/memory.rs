@@ -5,7 +5,7 @@ use std::fs;
 use glam::DVec3;
 
 use crate::domain::Boundary;
-use crate::engine::event_driven::cell_width;
+use crate::engine::event_driven::{cell_width, shell_radius};
 use crate::engine::windowed::Windowed;
 use crate::state::Placement;
 
@@ -21,6 +21,8 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     const WINDOWED: u64 = 347;
     /// Engine `event`: trajectory, collisions, candidate, event, range of cells, start of the echo.
     const EVENT: f64 = 148.0;
+    /// List of neighbours, in a dense gas.
+    const NEIGHBOURS: f64 = 128.0;
     /// Boxes moved on, in a periodic box.
     const IMAGE: f64 = 12.0;
     /// Index of a radius and mass, where they are not all alike.
@@ -32,7 +34,8 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     }
     let periodic = placement.domain.boundary == Boundary::Periodic;
     let kinds = placement.bodies.len() > 1;
-    let [cells, listed] = cells(placement);
+    let shell = shell(placement);
+    let [cells, listed] = cells(placement, shell);
     // A cell has room for 16 balls; where more are listed in some cell, the lists are copied to ones twice as long.
     let room = if listed + 5.0 * listed.sqrt() > 16.0 {
         48
@@ -42,14 +45,30 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     let cells = cells / placement.positions.len().max(1) as f64 * f64::from(4 * (room + 1));
     let bytes = EVENT
         + cells
+        + if shell.is_some() { NEIGHBOURS } else { 0.0 }
         + if periodic { IMAGE } else { 0.0 }
         + if kinds { KIND } else { 0.0 }
         + placement.domain.planes.len() as f64;
     bytes.ceil() as u64 + CHECKPOINT
 }
 
-/// Cells that engine `event` makes, and how many balls reach into one of them on average.
-fn cells(placement: &Placement) -> [f64; 2] {
+/// Radius of the shells within which engine `event` keeps lists of neighbours, if it does.
+fn shell(placement: &Placement) -> Option<f64> {
+    let Placement {
+        domain,
+        bodies,
+        positions,
+        ..
+    } = placement;
+    let [body] = bodies.as_slice() else {
+        return None;
+    };
+    let plain = domain.planes.is_empty() && domain.boundary != Boundary::Open;
+    plain.then(|| shell_radius(domain.volume(), positions.len(), body.radius))?
+}
+
+/// Cells that engine `event` makes, and how many balls are listed in one of them on average.
+fn cells(placement: &Placement, shell: Option<f64>) -> [f64; 2] {
     let count = placement.positions.len().max(1) as f64;
     let radius = |&kind: &u32| placement.bodies[kind as usize].radius;
     let mean_radius = match placement.bodies.as_slice() {
@@ -58,12 +77,17 @@ fn cells(placement: &Placement) -> [f64; 2] {
         _ => placement.body_of.iter().map(radius).sum::<f64>() / count,
     };
     let volume = placement.domain.volume();
-    let width = cell_width(volume, placement.positions.len(), mean_radius);
+    let (width, reach) = if let Some(shell) = shell {
+        (2.0 * (mean_radius + shell), 0.0)
+    } else {
+        let width = cell_width(volume, placement.positions.len(), mean_radius);
+        (width, 2.0 * mean_radius)
+    };
     let along = (2.0 * placement.domain.half_size / width)
         .floor()
         .max(DVec3::ONE);
     let cells = along.element_product().min(4.0 * count + 1.0);
-    let reached = (1.0 + 2.0 * mean_radius / width).powi(3);
+    let reached = (1.0 + reach / width).powi(3);
     [cells, count / cells * reached]
 }
 

@@ -24,7 +24,7 @@ use crate::scene::Scene;
 use crate::scene::analysis::{self, Enskog, Theory};
 use crate::scene::observe::{self, Name, Observe};
 use crate::snapshot::{Column, Figure, Observed, Units};
-use crate::state::{Placement, State};
+use crate::state::{Placement, State, Time};
 
 /// Looks per mean free time, unless the scene says otherwise.
 const LOOKS_PER_FREE_TIME: f64 = 5.0;
@@ -261,20 +261,32 @@ pub fn advance(
     };
     loop {
         let due = on_demand.looks as f64 * every;
-        let until = units.instant(due.min(target));
-        if on_demand.wants_collisions() {
-            engine.advance(until, &mut |collision| {
-                observer.record(collision);
-                on_demand.record(collision);
-            })?;
-        } else {
-            engine.advance_in_sums(until, &mut |report| observer.take(report))?;
-        }
+        fly(engine, observer, on_demand, units.instant(due.min(target)))?;
         if due > target {
             return Ok(());
         }
         engine.settle();
         on_demand.look(engine.state());
+    }
+}
+
+/// Advances a gas to an instant between two looks at it.
+///
+/// # Errors
+/// [`Stuck`] when the gas has no room.
+pub fn fly(
+    engine: &mut dyn Engine,
+    observer: &mut Observer,
+    on_demand: &mut OnDemand,
+    until: Time,
+) -> Result<(), Stuck> {
+    if on_demand.wants_collisions() {
+        engine.advance(until, &mut |collision| {
+            observer.record(collision);
+            on_demand.record(collision);
+        })
+    } else {
+        engine.advance_in_sums(until, &mut |report| observer.take(report))
     }
 }
 

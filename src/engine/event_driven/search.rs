@@ -8,7 +8,7 @@ use crate::engine::event_driven::needs::Needs;
 use crate::state::{State, Time};
 
 /// Balls looked at in one go.
-const AT_ONCE: usize = 32;
+pub const AT_ONCE: usize = 32;
 
 /// The earliest pair collision that a ball knows of.
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +34,7 @@ impl Candidate {
 
     /// Takes the collision of `ball` with `other` instead, if it comes earlier.
     #[inline]
-    fn improve(&mut self, ball: usize, other: u32, time: Time, image: [i8; 3]) {
+    pub fn improve(&mut self, ball: usize, other: u32, time: Time, image: [i8; 3]) {
         if time < self.time
             || (time == self.time && pair_precedes(ball as u32, other, self.partner))
         {

@@ -4,7 +4,8 @@
 //! already; the rest is done here and now.
 
 use std::cmp::Ordering;
-use std::hint::black_box;
+
+use prefetch_index::prefetch_index;
 
 use super::meeting::{Bound, Meeting};
 use super::paths::Window;
@@ -16,7 +17,7 @@ use crate::engine::contact;
 use crate::event::{Collision, Participants, Wall};
 use crate::state::{Time, Trajectory};
 
-/// Meetings whose balls are read ahead, several at a time: each would have to wait for the memory otherwise.
+/// Meetings whose balls are asked for ahead of their turn.
 const READ_AHEAD: usize = 16;
 
 impl Windowed {
@@ -67,23 +68,20 @@ impl Windowed {
     fn read_ahead(&self) {
         let first = (self.done + READ_AHEAD).min(self.meetings.len());
         let end = (first + READ_AHEAD).min(self.meetings.len());
-        let mut sum = 0.0;
         for meeting in &self.meetings[first..end] {
             let alone = meeting.bound().is_some();
             let (ball, other) = meeting.rank;
-            let pieces = [
+            for ball in [ball, if alone { ball } else { other }] {
+                prefetch_index(&self.state.trajectories, ball as usize);
+                prefetch_index(&self.state.collisions, ball as usize);
+            }
+            for piece in [
                 meeting.piece,
                 if alone { meeting.piece } else { meeting.other },
-            ];
-            for ball in [ball, if alone { ball } else { other }] {
-                sum += self.state.trajectories[ball as usize].velocity.x;
-                sum += self.state.collisions[ball as usize] as f64;
-            }
-            for piece in pieces {
-                sum += f64::from(self.lines[self.owner(piece) as usize].link);
+            ] {
+                prefetch_index(&self.lines, self.owner(piece) as usize);
             }
         }
-        black_box(sum);
     }
 
     /// A meeting whose turn has come is not valid now. At the same instant it may still become so: when another one begins its

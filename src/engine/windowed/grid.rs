@@ -12,6 +12,7 @@ use std::ops::AddAssign;
 use glam::DVec3;
 
 use crate::domain::{Boundary, Domain};
+use crate::engine::image::{IMAGE_SHIFT, Seen, image_at, steps_of};
 
 /// Margin around a ball, in cell widths: far above rounding, far below anything that costs.
 pub const SLACK: f64 = 1.0 / (1 << 20) as f64;
@@ -23,28 +24,7 @@ const MOST_PER_AXIS: f64 = 1022.0;
 pub type Place = [i32; 3];
 
 /// A piece of path as a cell lists it: the piece's number, and which image of it.
-pub type Entry = u32;
-
-/// An entry's bits above these say which image of the piece it is: `x + 3 y + 9 z` for one moved by `x, y, z` boxes, -1 being
-/// counted as 2.
-pub const IMAGE_SHIFT: u32 = 27;
-
-/// The piece's number in an entry.
-#[inline(always)]
-pub fn piece_of(entry: Entry) -> u32 {
-    entry & ((1 << IMAGE_SHIFT) - 1)
-}
-
-/// The image's number in an entry.
-#[inline(always)]
-pub fn image_of(entry: Entry) -> usize {
-    (entry >> IMAGE_SHIFT) as usize
-}
-
-/// Steps by whole boxes that an image's number stands for.
-pub fn steps_of(image: usize) -> [i8; 3] {
-    [1, 3, 9].map(|weight| [0, 1, -1][image / weight % 3])
-}
+pub type Entry = Seen;
 
 /// Cells over a box.
 #[derive(Clone, Debug)]
@@ -145,18 +125,18 @@ impl Grid {
             (-1..=x).flat_map(|x| (-1..=y).flat_map(move |y| (-1..=z).map(move |z| [x, y, z])))
         {
             let mut inside = place;
-            let mut image = 0;
-            for (axis, weight) in [1, 3, 9].into_iter().enumerate() {
+            let mut steps = [0; 3];
+            for axis in 0..3 {
                 let count = self.counts[axis];
                 // A ball beyond the upper face is seen from the cell at the lower one as moved down.
                 if place[axis] < 0 {
-                    (inside[axis], image) = (place[axis] + count, image + weight);
+                    (inside[axis], steps[axis]) = (place[axis] + count, 1);
                 } else if place[axis] >= count {
-                    (inside[axis], image) = (place[axis] - count, image + 2 * weight);
+                    (inside[axis], steps[axis]) = (place[axis] - count, -1);
                 }
             }
             let at = self.raster(place);
-            self.targets[at] = self.targets[self.raster(inside)] | image << IMAGE_SHIFT;
+            self.targets[at] = self.targets[self.raster(inside)] | image_at(steps) << IMAGE_SHIFT;
         }
     }
 
@@ -416,6 +396,7 @@ fn morton(place: Place) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::image::{image_of, number_of};
 
     fn on_way(grid: &Grid, from: [f64; 3], to: [f64; 3], radius: f64) -> Vec<u32> {
         let mut cells = Vec::new();
@@ -461,7 +442,7 @@ mod tests {
         let cells = on_way(&grid, [0.95, 0.1, 0.1], [0.97, 0.1, 0.1], 0.06);
         assert_eq!(cells.len(), 2);
         let opposite = grid.target_at(DVec3::new(-0.99, 0.1, 0.1));
-        assert_eq!(piece_of(cells[1]), opposite);
+        assert_eq!(number_of(cells[1]), opposite);
         assert_eq!(steps_of(image_of(cells[1])), [-1, 0, 0]);
         assert_eq!(grid.shift(image_of(cells[1])), DVec3::new(-2.0, 0.0, 0.0));
     }

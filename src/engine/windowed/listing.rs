@@ -6,10 +6,11 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::grid::{Grid, Lists, image_of, piece_of};
+use super::grid::{Grid, Lists};
 use super::paths::Gas;
 use super::pieces::{Id, Line, NONE, Past};
 use super::region::Passage;
+use crate::engine::image::{image_of, number_of};
 
 /// Flights in a block.
 const BLOCK: usize = 64;
@@ -190,8 +191,10 @@ impl<'f> WithSimd for Listing<'_, 'f> {
                     let bit = touched.trailing_zeros() as usize;
                     touched &= touched - 1;
                     let target = targets[(block.place[lane] + offsets[bit]) as usize];
-                    let (cell, entry) =
-                        (piece_of(target) as usize, id | (target - piece_of(target)));
+                    let (cell, entry) = (
+                        number_of(target) as usize,
+                        id | (target - number_of(target)),
+                    );
                     debug_assert!(image_of(target) < 27);
                     if cells.contains(&cell) {
                         self.lists.insert(cell, entry);

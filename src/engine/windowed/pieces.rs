@@ -184,8 +184,8 @@ impl Past {
 
 #[cfg(test)]
 mod tests {
-    use super::super::grid::IMAGE_SHIFT;
     use super::*;
+    use crate::engine::image::IMAGE_SHIFT;
 
     #[test]
     fn every_piece_has_its_own_number() {

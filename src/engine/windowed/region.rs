@@ -3,14 +3,14 @@
 //! Threads share what is fixed in a phase and own their region; what concerns another region's cells goes into an outbox that
 //! is delivered between the phases. How many regions there are changes no meeting.
 
-use std::hint::black_box;
 use std::ops::Range;
 
 use glam::DVec3;
+use prefetch_index::prefetch_index;
 use pulp::Arch;
 
 use super::filter::{Filter, Margins, relative};
-use super::grid::{Census, Entry, Lists, image_of, piece_of, steps_of};
+use super::grid::{Census, Entry, Lists};
 use super::listing::{Flights, Listing};
 use super::meeting::{self, Meeting};
 use super::paths::Gas;
@@ -19,10 +19,14 @@ use super::scratch::Scratch;
 use super::sheet::Sheet;
 use crate::collision::{image_pair_time, pair_time};
 use crate::engine::contact;
+use crate::engine::image::{image_of, number_of, steps_of};
 use crate::state::Trajectory;
 
 /// Cells that are searched before what they brought about is followed up.
 const CELLS_AT_ONCE: usize = 64;
+
+/// How many cells before its search the memory for a cell is asked for.
+const CELLS_AHEAD: usize = 2;
 
 /// Candidates, or flights that need a closer look, that are loaded together.
 const LOADED_AT_ONCE: usize = 256;
@@ -128,11 +132,11 @@ impl Candidate {
         let place = pair[0].position_at(time);
         let other = pair[1].position_at(time) - shift;
         let point = place + (other - place) * (radius / contact);
-        let here = self.cell | (self.entries[0] - piece_of(self.entries[0]));
+        let here = self.cell | (self.entries[0] - number_of(self.entries[0]));
         (gas.grid.target_at(point) == here).then(|| Meeting {
             time: time.relative_to(gas.window.begin.epoch),
-            piece: piece_of(self.entries[0]),
-            other: piece_of(self.entries[1]),
+            piece: number_of(self.entries[0]),
+            other: number_of(self.entries[1]),
             next: [NONE; 2],
             rank: (self.balls[0], self.balls[1]),
             image,
@@ -293,8 +297,8 @@ impl Region {
             ball,
             |after| add(*number, after),
             |target, id| {
-                let cell = piece_of(target) as usize;
-                let entry = id | (target - piece_of(target));
+                let cell = number_of(target) as usize;
+                let entry = id | (target - number_of(target));
                 if !cells.contains(&cell) {
                     outbox.push((entry, cell as u32));
                 } else if lists.insert(cell, entry) && cell < *searched {
@@ -312,7 +316,7 @@ impl Region {
             let cell = cell as usize;
             if cells.contains(&cell) {
                 let view = View { shelves, own: None };
-                self.filter.allow(view.line(piece_of(entry)).speed());
+                self.filter.allow(view.line(number_of(entry)).speed());
                 if self.lists.insert(cell, entry) && cell < self.searched {
                     self.pending.push(cell as u32);
                 }
@@ -330,8 +334,8 @@ impl Region {
             let end = (first + CELLS_AT_ONCE).min(cells.end);
             self.searched = end;
             self.begin_sheets(first);
-            self.read_ahead(shelves.lines, end);
             for cell in first..end {
+                self.read_ahead(shelves.lines, cell + CELLS_AHEAD);
                 self.search(&shelves, Some(&own), cell);
                 if self.candidates.len() >= MANY_CANDIDATES {
                     self.decide(&shelves, Some(&mut own));
@@ -351,13 +355,14 @@ impl Region {
         self.sheets.iter_mut().for_each(Sheet::clear);
     }
 
-    /// Asks for the memory of the flights in the next cells: in their order it comes several times as fast as in that of the lists.
+    /// Asks for the memory of the flights that pass a cell.
+    #[inline]
     fn read_ahead(&self, lines: &[Line], cell: usize) {
-        let cell = cell - self.lists.cells().start;
-        let last = (cell + CELLS_AT_ONCE).min(self.places.len() - 1);
-        let flights = self.places[cell] as usize..self.places[last] as usize;
-        let touched = lines[flights].iter().step_by(2);
-        black_box(touched.fold(0, |sum, line| sum ^ line.ball));
+        if self.lists.cells().contains(&cell) {
+            for &entry in self.lists.entries(cell) {
+                prefetch_index(lines, number_of(entry) as usize);
+            }
+        }
     }
 
     /// Finds the meetings of pieces that come from other regions; lists what follows if it has pieces to add.
@@ -443,7 +448,7 @@ impl Region {
                 let entry = entries[row];
                 let shift = grid.shift(image_of(entry)) * grid.scale;
                 let origin = std::array::from_fn(|axis| origin[axis] - shift[axis] as f32);
-                relative(view.line(piece_of(entry)), origin)
+                relative(view.line(number_of(entry)), origin)
             });
         } else {
             sheet.fill(entries.len(), |row| {
@@ -456,7 +461,7 @@ impl Region {
         let entries = lists.entries(cell);
         for &(row, other) in pairs.iter() {
             let entries = [row, other].map(|row| entries[row as usize]);
-            let ids = entries.map(piece_of);
+            let ids = entries.map(number_of);
             let balls = ids.map(|id| view.line(id).ball);
             let origins = ids.map(|id| view.origin(id));
             if balls[0] == balls[1]
@@ -500,7 +505,7 @@ impl Region {
         // Loaded on their own, that the memory can be asked for several at a time.
         self.loaded.clear();
         self.loaded.extend(candidates.iter().map(|candidate| {
-            let [first, second] = candidate.entries.map(piece_of);
+            let [first, second] = candidate.entries.map(number_of);
             [
                 *view.trajectory(first, candidate.balls[0]),
                 *view.trajectory(second, candidate.balls[1]),

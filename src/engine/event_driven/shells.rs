@@ -1,0 +1,323 @@
+//! Lists of neighbours, good as long as every ball stays in a shell around the place where it last looked about.
+//!
+//! A ball that leaves its shell gets a new one around where it is, and a new list: everyone whose shell's centre is so near that
+//! the two can touch while both stay in their shells. Lists are mutual, so the others need not move. In a dense gas a ball
+//! collides many times in its shell, and then asks a dozen neighbours where cells would give it eighty.
+//!
+//! Source: Donev, Torquato, Stillinger, J. Comput. Phys. 202, 737 (2005), for lists that each ball renews on its own;
+//! Smallenburg, Eur. Phys. J. E 45, 22 (2022), for what they are worth.
+
+use glam::{DVec3, Vec3};
+use prefetch_index::prefetch_index;
+
+use super::needs::Needs;
+use super::search::{AT_ONCE, Candidate};
+use super::surroundings::Surroundings;
+use crate::cell_list::CellList;
+use crate::collision::{image_pair_time, may_meet, separation_at_later_begin};
+use crate::domain::{Boundary, Domain};
+use crate::engine::image::{IMAGE_SHIFT, IMAGES, Seen, image_at, image_of, number_of, steps_of};
+use crate::state::{State, Trajectory};
+
+/// Share of a shell's radius that a ball leaves unused: far above rounding, far below anything that costs.
+const SLACK: f64 = 1.0 / (1 << 20) as f64;
+
+/// Mean spacing in diameters up to which shells are faster than cells (measured).
+const DENSE: f64 = 1.35;
+
+/// Radius of a shell in diameters where the mean spacing is a diameter, and what it gains with that; measured to be best, and flat
+/// around.
+const SHELL: [f64; 2] = [0.3, 0.5];
+
+/// Words of a record, at first.
+const WORDS: usize = 32;
+
+/// Words in a line of memory.
+const WORDS_PER_LINE: usize = 16;
+
+/// Where a record has the number of neighbours; the centre stands before it.
+const LENGTH: usize = 3;
+
+/// Where a record has its first neighbour.
+const HEAD: usize = 4;
+
+/// Neighbours of every ball.
+#[derive(Clone, Debug)]
+pub struct Shells<N> {
+    /// Radius of a shell \[length\].
+    shell: f64,
+    /// Distance of centres up to which balls are neighbours \[length\].
+    reach: f64,
+    /// Finds the centres near one.
+    cells: CellList<N>,
+    /// Of each ball a record of so many words: its shell's centre in f32, the number of its neighbours, and these, each at the
+    /// image that is near. Side by side, because memory comes in lines.
+    records: Vec<u32>,
+    words: usize,
+    /// By how much each image is moved \[length\].
+    shifts: [DVec3; IMAGES],
+    boundary: Boundary,
+    /// What was found around a place.
+    found: Vec<Seen>,
+}
+
+/// Radius of the shells \[length\] for `count` balls of this radius in a volume; `None` where cells are faster.
+pub fn radius_for(volume: f64, count: usize, radius: f64) -> Option<f64> {
+    let diameter = 2.0 * radius;
+    let spacing = (volume / count.max(1) as f64).cbrt() / diameter;
+    (spacing < DENSE).then(|| (SHELL[0] + SHELL[1] * (spacing - 1.0)) * diameter)
+}
+
+impl<N: Needs> Shells<N> {
+    /// For balls that are all alike, in a box without planes; `None` where cells are faster, or a ball could see two images of
+    /// another.
+    pub fn fitting(state: &State) -> Option<Self> {
+        let radius = state.bodies.mean_radius();
+        let shell = radius_for(state.domain.volume(), state.ball_count(), radius)?;
+        Self::with_shell(state, shell)
+    }
+
+    /// With shells of this radius \[length\].
+    pub fn with_shell(state: &State, shell: f64) -> Option<Self> {
+        let domain = &state.domain;
+        let reach = 2.0 * (state.bodies.mean_radius() + shell);
+        let roomy = domain.half_size.min_element() > 2.0 * reach;
+        let possible = roomy && state.ball_count() < 1 << IMAGE_SHIFT;
+        possible.then(|| Self {
+            shell: shell * (1.0 - SLACK),
+            boundary: domain.boundary,
+            found: Vec::new(),
+            reach,
+            cells: CellList::new(domain, reach, state.ball_count()),
+            records: Vec::new(),
+            words: WORDS,
+            shifts: std::array::from_fn(|image| {
+                DVec3::from_array(steps_of(image).map(f64::from)) * domain.period()
+            }),
+        })
+    }
+
+    #[inline(always)]
+    fn record(&self, ball: usize) -> &[u32] {
+        &self.records[ball * self.words..][..self.words]
+    }
+
+    #[inline(always)]
+    fn center(&self, ball: usize) -> DVec3 {
+        let record = self.record(ball);
+        Vec3::from_array([0, 1, 2].map(|axis| f32::from_bits(record[axis]))).as_dvec3()
+    }
+
+    #[inline(always)]
+    fn neighbours(&self, ball: usize) -> &[Seen] {
+        let record = self.record(ball);
+        &record[HEAD..][..record[LENGTH] as usize]
+    }
+
+    fn insert(&mut self, ball: usize, other: Seen) {
+        let length = self.record(ball)[LENGTH] as usize;
+        if HEAD + length == self.words {
+            self.widen();
+        }
+        let record = &mut self.records[ball * self.words..][..self.words];
+        record[HEAD + length] = other;
+        record[LENGTH] += 1;
+    }
+
+    fn remove(&mut self, ball: usize, other: usize) {
+        let record = &mut self.records[ball * self.words..][..self.words];
+        let last = record[LENGTH] as usize - 1;
+        let neighbours = &mut record[HEAD..];
+        let place = neighbours
+            .iter()
+            .position(|&seen| number_of(seen) as usize == other)
+            .expect("neighbours know each other");
+        neighbours[place] = neighbours[last];
+        record[LENGTH] -= 1;
+    }
+
+    /// Enlarges every record.
+    #[cold]
+    fn widen(&mut self) {
+        let words = self.words + WORDS / 2;
+        let mut records = vec![0; self.records.len() / self.words * words];
+        for (from, to) in self
+            .records
+            .chunks_exact(self.words)
+            .zip(records.chunks_exact_mut(words))
+        {
+            to[..self.words].copy_from_slice(from);
+        }
+        (self.records, self.words) = (records, words);
+    }
+
+    /// A ball gets a shell around another place.
+    fn move_shell(&mut self, ball: usize, position: DVec3) {
+        let center = center_at(position);
+        self.cells.relocate(ball, center, 0.0);
+        self.settle(ball, center);
+    }
+
+    /// Gives a ball a shell around a place and brings its list and those of the others up to date.
+    fn settle(&mut self, ball: usize, center: DVec3) {
+        for axis in 0..3 {
+            self.records[ball * self.words + axis] = (center[axis] as f32).to_bits();
+        }
+        let mut found = std::mem::take(&mut self.found);
+        found.clear();
+        self.cells
+            .for_each_company_near(center, self.reach, |company| {
+                for &other in company.balls {
+                    if let Some(image) = self.image_near(center - self.center(other as usize))
+                        && other as usize != ball
+                        // A ball at a face of a cell is in the next one, too.
+                        && !found.iter().any(|&seen| number_of(seen) == other)
+                    {
+                        found.push(other | image << IMAGE_SHIFT);
+                    }
+                }
+            });
+        let mut place = 0;
+        while let Some(&seen) = self.neighbours(ball).get(place) {
+            if found.contains(&seen) {
+                place += 1;
+            } else {
+                self.remove(ball, number_of(seen) as usize);
+                self.remove(number_of(seen) as usize, ball);
+            }
+        }
+        for &seen in &found {
+            if !self.neighbours(ball).contains(&seen) {
+                let back = image_at(steps_of(image_of(seen)).map(|step| -step));
+                self.insert(ball, seen);
+                self.insert(number_of(seen) as usize, ball as u32 | back << IMAGE_SHIFT);
+            }
+        }
+        self.found = found;
+    }
+
+    /// By which image of the first of two centres they are neighbours, if they are.
+    #[inline(always)]
+    fn image_near(&self, apart: DVec3) -> Option<u32> {
+        let reach_squared = self.reach * self.reach;
+        if N::of(self.boundary) != Boundary::Periodic {
+            return (apart.length_squared() < reach_squared).then_some(0);
+        }
+        let period = self.shifts[1 + 3 + 9];
+        // The lesser of two ways around the box.
+        let nearest = apart.abs().min(period - apart.abs());
+        (nearest.length_squared() < reach_squared).then(|| {
+            image_at(std::array::from_fn(|axis| {
+                let half = 0.5 * period[axis];
+                i8::from(apart[axis] < -half) - i8::from(apart[axis] > half)
+            }))
+        })
+    }
+}
+
+/// Where a shell around a position has its centre: it is kept in f32.
+fn center_at(position: DVec3) -> DVec3 {
+    position.as_vec3().as_dvec3()
+}
+
+impl<N: Needs> Surroundings<N> for Shells<N> {
+    fn clear(&mut self, state: &State) {
+        self.cells = CellList::new(&state.domain, self.reach, state.ball_count());
+        self.records.clear();
+    }
+
+    fn push(&mut self, state: &State, ball: usize) {
+        let center = center_at(state.trajectories[ball].position_at(state.now));
+        self.cells.push(center, 0.0);
+        self.records.resize((ball + 1) * self.words, 0);
+        self.settle(ball, center);
+    }
+
+    /// Along which axis says nothing here: a shell is round.
+    #[inline]
+    fn crossing(&self, ball: usize, trajectory: &Trajectory, _radius: f64) -> Option<(f64, usize)> {
+        let velocity = trajectory.velocity;
+        let from_center = trajectory.position - self.center(ball);
+        let speed_squared = velocity.length_squared();
+        let radial = from_center.dot(velocity);
+        let inside = self.shell * self.shell - from_center.length_squared();
+        let root = (radial * radial + speed_squared * inside).max(0.0).sqrt();
+        (speed_squared > 0.0).then(|| ((root - radial) / speed_squared, 0))
+    }
+
+    #[inline]
+    fn may_reach(
+        &self,
+        ball: usize,
+        radius: f64,
+        domain: &Domain,
+        (axis, upper): (usize, bool),
+    ) -> bool {
+        let ahead = self.center(ball)[axis];
+        let ahead = if upper { ahead } else { -ahead };
+        let radius = match N::of(domain.boundary) {
+            Boundary::Periodic => 0.0,
+            Boundary::Container | Boundary::Open => radius,
+        };
+        ahead + radius + 1.1 * self.shell > domain.half_size[axis]
+    }
+
+    fn cross(&mut self, state: &State, ball: usize, _axis: usize, best: &mut Candidate) {
+        let center = state.trajectories[ball].position_at(state.now);
+        self.move_shell(ball, center);
+        *best = self.look(state, ball);
+    }
+
+    #[inline]
+    fn turn(&mut self, _state: &State, _ball: usize) {}
+
+    fn wrap(&mut self, state: &State, ball: usize) {
+        self.move_shell(ball, state.trajectories[ball].position);
+    }
+
+    #[inline]
+    fn prefetch(&self, ball: usize) {
+        for word in (0..self.words).step_by(WORDS_PER_LINE) {
+            prefetch_index(&self.records, ball * self.words + word);
+        }
+    }
+
+    #[inline]
+    fn prefetch_known(&self, state: &State, ball: usize) {
+        for &seen in self.neighbours(ball) {
+            prefetch_index(&state.trajectories, number_of(seen) as usize);
+        }
+    }
+
+    #[inline]
+    fn look(&self, state: &State, ball: usize) -> Candidate {
+        let mut best = Candidate::NONE;
+        let trajectory = &state.trajectories[ball];
+        let contact = 2.0 * N::body(&state.bodies, ball).radius;
+        let periodic = N::of(self.boundary) == Boundary::Periodic;
+        for neighbours in self.neighbours(ball).chunks(AT_ONCE) {
+            // As in the cells: all are looked at without a branch.
+            let mut possible = [0; AT_ONCE];
+            let mut count = 0;
+            for &seen in neighbours {
+                let flight = &state.trajectories[number_of(seen) as usize];
+                let (_, mut separation) = separation_at_later_begin(trajectory, flight);
+                if periodic {
+                    separation += self.shifts[image_of(seen)];
+                }
+                let velocity = trajectory.velocity - flight.velocity;
+                possible[count] = seen;
+                count += usize::from(may_meet(separation, velocity, contact));
+            }
+            for &seen in &possible[..count] {
+                let (other, image) = (number_of(seen), image_of(seen));
+                let flight = &state.trajectories[other as usize];
+                let shift = self.shifts[image];
+                if let Some(time) = image_pair_time(trajectory, flight, contact, shift) {
+                    best.improve(ball, other, time, steps_of(image));
+                }
+            }
+        }
+        best
+    }
+}

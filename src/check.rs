@@ -39,14 +39,15 @@ pub fn assumed_speed(placement: &Placement) -> f64 {
 pub const ASSUMED_BALL_STEPS_PER_SECOND: f64 = 2e7;
 
 /// What each observable adds to the time of a run, as a share of it: on the oxygen, and in a dense fluid of 10,648 balls; looks at
-/// all balls a fifth of a mean free time apart. Measured by `moltop experiment observables`, which gives the errors: several percent.
+/// all balls a fifth of a mean free time apart. Measured by `moltop experiment observables`, which gives the errors: 2 to 4 % on the
+/// oxygen, 0.2 % in the fluid.
 const OBSERVING: [(Name, Option<f64>, f64); 6] = [
-    (Name::RadialDistribution, Some(0.03), 0.04),
-    (Name::DensityProfile, Some(0.0), 0.01),
-    (Name::Motion, Some(0.0), 0.04),
-    (Name::Relaxation, Some(0.06), 0.14),
-    (Name::Flights, Some(0.09), 0.08),
-    (Name::Transport, None, 0.14),
+    (Name::RadialDistribution, Some(0.0), 0.07),
+    (Name::DensityProfile, Some(0.01), 0.01),
+    (Name::Motion, Some(0.0), 0.05),
+    (Name::Relaxation, Some(0.02), 0.02),
+    (Name::Flights, Some(0.10), 0.11),
+    (Name::Transport, None, 0.09),
 ];
 
 /// Memory of the program without balls, measured \[bytes\].

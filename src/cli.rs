@@ -294,7 +294,7 @@ pub enum Experiment {
     Fluid(page::Options),
     /// What each observable costs: how much longer a collision takes, on the oxygen, in a dense fluid, or in a scene of yours
     #[command(
-        after_help = "Takes some minutes, --quick one. Example:\n  moltop experiment observables configs/mixture.toml --quick"
+        after_help = "Takes twelve minutes, --quick three. Example:\n  moltop experiment observables configs/mixture.toml --quick"
     )]
     Observables(observables::Options),
 }

@@ -33,7 +33,7 @@ pub use needs::General;
 use needs::{Needs, Plain};
 use search::Candidate;
 use shells::Shells;
-pub use shells::radius_for as shell_radius;
+pub use shells::{radius_for as shell_radius, words_for as record_words};
 use surroundings::Surroundings;
 
 /// Epochs after which the calendar's base moves on. Times up to 16 epochs from the base are exact in the calendar.

@@ -5,7 +5,7 @@ use std::fs;
 use glam::DVec3;
 
 use crate::domain::Boundary;
-use crate::engine::event_driven::{cell_width, shell_radius};
+use crate::engine::event_driven::{cell_width, record_words, shell_radius};
 use crate::engine::windowed::Windowed;
 use crate::state::Placement;
 
@@ -21,8 +21,8 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     const WINDOWED: u64 = 347;
     /// Engine `event`: trajectory, collisions, candidate, event, range of cells, start of the echo.
     const EVENT: f64 = 148.0;
-    /// List of neighbours, in a dense gas.
-    const NEIGHBOURS: f64 = 128.0;
+    /// What a dense gas takes beside its lists of neighbours.
+    const DENSE: f64 = 148.0;
     /// Boxes moved on, in a periodic box.
     const IMAGE: f64 = 12.0;
     /// Index of a radius and mass, where they are not all alike.
@@ -35,6 +35,12 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     let periodic = placement.domain.boundary == Boundary::Periodic;
     let kinds = placement.bodies.len() > 1;
     let shell = shell(placement);
+    let neighbours = shell.map_or(0.0, |shell| {
+        let volume = placement.domain.volume();
+        let radius = placement.bodies[0].radius;
+        let words = record_words(volume, placement.positions.len(), radius, shell);
+        (4 * words) as f64 + DENSE
+    });
     let [cells, listed] = cells(placement, shell);
     // A cell has room for 16 balls; where more are listed in some cell, the lists are copied to ones twice as long.
     let room = if listed + 5.0 * listed.sqrt() > 16.0 {
@@ -45,7 +51,7 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     let cells = cells / placement.positions.len().max(1) as f64 * f64::from(4 * (room + 1));
     let bytes = EVENT
         + cells
-        + if shell.is_some() { NEIGHBOURS } else { 0.0 }
+        + neighbours
         + if periodic { IMAGE } else { 0.0 }
         + if kinds { KIND } else { 0.0 }
         + placement.domain.planes.len() as f64;

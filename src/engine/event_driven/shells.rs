@@ -29,9 +29,6 @@ const DENSE: f64 = 1.35;
 /// around.
 const SHELL: [f64; 2] = [0.3, 0.5];
 
-/// Words of a record, at first.
-const WORDS: usize = 32;
-
 /// Words in a line of memory.
 const WORDS_PER_LINE: usize = 16;
 
@@ -68,6 +65,17 @@ pub fn radius_for(volume: f64, count: usize, radius: f64) -> Option<f64> {
     (spacing < DENSE).then(|| (SHELL[0] + SHELL[1] * (spacing - 1.0)) * diameter)
 }
 
+/// Words of a record \[4 bytes\] that hold the longest list chance brings about among `count` balls of this radius in a volume, with
+/// shells of this radius; a dense gas leaves chance little room.
+pub fn words_for(volume: f64, count: usize, radius: f64, shell: f64) -> usize {
+    const SPHERE: f64 = 4.0 / 3.0 * std::f64::consts::PI;
+    let density = count as f64 / volume;
+    let open = 1.0 - (density * SPHERE * radius.powi(3)).min(1.0);
+    let neighbours = density * SPHERE * (2.0 * (radius + shell)).powi(3);
+    let longest = neighbours + 8.0 * neighbours.sqrt() * open * open;
+    (HEAD + longest as usize).next_multiple_of(WORDS_PER_LINE)
+}
+
 impl<N: Needs> Shells<N> {
     /// For balls that are all alike, in a box without planes; `None` where cells are faster, or a ball could see two images of
     /// another.
@@ -79,8 +87,8 @@ impl<N: Needs> Shells<N> {
 
     /// With shells of this radius \[length\].
     pub fn with_shell(state: &State, shell: f64) -> Option<Self> {
-        let domain = &state.domain;
-        let reach = 2.0 * (state.bodies.mean_radius() + shell);
+        let (domain, radius) = (&state.domain, state.bodies.mean_radius());
+        let reach = 2.0 * (radius + shell);
         let roomy = domain.half_size.min_element() > 2.0 * reach;
         let possible = roomy && state.ball_count() < 1 << IMAGE_SHIFT;
         possible.then(|| Self {
@@ -90,7 +98,7 @@ impl<N: Needs> Shells<N> {
             reach,
             cells: CellList::new(domain, reach, state.ball_count()),
             records: Vec::new(),
-            words: WORDS,
+            words: words_for(domain.volume(), state.ball_count(), radius, shell),
             shifts: std::array::from_fn(|image| {
                 DVec3::from_array(steps_of(image).map(f64::from)) * domain.period()
             }),
@@ -139,7 +147,7 @@ impl<N: Needs> Shells<N> {
     /// Enlarges every record.
     #[cold]
     fn widen(&mut self) {
-        let words = self.words + WORDS / 2;
+        let words = self.words + WORDS_PER_LINE;
         let mut records = vec![0; self.records.len() / self.words * words];
         for (from, to) in self
             .records
@@ -224,6 +232,7 @@ impl<N: Needs> Surroundings<N> for Shells<N> {
     fn clear(&mut self, state: &State) {
         self.cells = CellList::new(&state.domain, self.reach, state.ball_count());
         self.records.clear();
+        self.records.reserve_exact(state.ball_count() * self.words);
     }
 
     fn push(&mut self, state: &State, ball: usize) {

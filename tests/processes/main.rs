@@ -253,7 +253,7 @@ fn a_run_that_has_ended_is_looked_at_again_with_its_past_and_is_not_changed() {
     let checkpoint = directory.join("checkpoint");
     let path = checkpoint.to_str().expect("a path");
     let mut keeping = Terminal::start(&mut runs.moltop(&["replay", path, "--keep-screen"]), 80, 24);
-    keeping.wait_for("● ended");
+    keeping.wait_for("t 20.00 of 20.00");
     keeping.press("d");
     assert_eq!(keeping.wait().code(), Some(0));
     // Where the shell goes on, which takes the last line; the first one has moved up.

@@ -14,6 +14,7 @@ use std::marker::PhantomData;
 use glam::{DVec3, IVec3};
 
 use crate::domain::{AnyBoundary, Boundary, Domain, KnownBoundary};
+use crate::event::Wall;
 use crate::state::Trajectory;
 
 /// Margin around a ball, in cell widths: far above rounding, far below anything that costs.
@@ -203,9 +204,9 @@ impl<B: KnownBoundary> CellList<B> {
         Some((target - trajectory.position[axis]) / speed)
     }
 
-    /// Whether a ball reaches into the last cell along an axis, upwards or downwards.
+    /// Whether a ball reaches into the last cell before a face of the box.
     #[inline]
-    pub fn is_outermost(&self, ball: usize, (axis, upper): (usize, bool)) -> bool {
+    pub fn is_outermost(&self, ball: usize, Wall { axis, upper }: Wall) -> bool {
         let range = &self.ranges[ball];
         if upper {
             range.high[axis] == self.cell_counts[axis] - 1

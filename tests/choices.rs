@@ -103,7 +103,7 @@ fn lists_of_neighbours_give_the_collisions_of_cells_at_every_density_and_with_ev
             count += cells.0.len();
             for shell in [0.01, 0.2, 0.4] {
                 let scale = State::new(&scene).units.length;
-                let mut engine = with_shells::<Indexed>(State::new(&scene), shell / scale)
+                let mut engine = with_shells(State::new(&scene), shell / scale)
                     .expect("alike balls in a wide box");
                 assert!(
                     collisions(&mut *engine) == cells,
@@ -122,7 +122,7 @@ fn lists_of_neighbours_hold_a_crowd() {
     let scene = lattice(8, 1.05, 9.0, 3);
     let mut cells = EventDriven::new(State::new(&scene));
     let scale = cells.state().units.length;
-    let mut lists = with_shells::<Indexed>(State::new(&scene), 0.55 / scale).expect("wide box");
+    let mut lists = with_shells(State::new(&scene), 0.55 / scale).expect("wide box");
     let until = cells.state().units.instant(1.0);
     for engine in [&mut cells as &mut dyn Engine, &mut *lists] {
         engine.advance(until, &mut |_| {}).expect("balls with room");

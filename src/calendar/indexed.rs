@@ -48,11 +48,8 @@ impl Calendar for Indexed {
 
     #[inline]
     fn soon(&self) -> &[Event] {
-        let below_root = (ROOT + 1).min(self.end)..(ROOT + 5).min(self.end);
-        match self.lines.get(1) {
-            Some(line) => &line.0[..below_root.len()],
-            None => &[],
-        }
+        let count = self.len().saturating_sub(1).min(4);
+        self.lines.get(1).map_or(&[], |line| &line.0[..count])
     }
 
     #[inline]

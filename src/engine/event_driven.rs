@@ -77,19 +77,16 @@ fn fitting_plain<C: Calendar + 'static, P: Plain + 'static>(
     }
 }
 
-/// Like [`fitting`], with lists of neighbours in shells of this radius \[length\], whether they pay or not; `None` where the scene
+/// Engine `event` with lists of neighbours in shells of this radius \[length\], whether they pay or not; `None` where the scene
 /// needs more than they can do.
-pub fn with_shells<C: Calendar + 'static>(state: State, shell: f64) -> Option<Box<dyn Engine>> {
-    fn plain<C: Calendar + 'static, P: Plain + 'static>(
-        state: State,
-        shell: f64,
-    ) -> Option<Box<dyn Engine>> {
+pub fn with_shells(state: State, shell: f64) -> Option<Box<dyn Engine>> {
+    fn plain<P: Plain + 'static>(state: State, shell: f64) -> Option<Box<dyn Engine>> {
         let shells = Shells::<P>::with_shell(&state, shell)?;
-        Some(Box::new(EventDriven::<C, P, _>::among(state, shells)))
+        Some(Box::new(EventDriven::<Indexed, P, _>::among(state, shells)))
     }
     match needs::plain(&state)? {
-        Boundary::Container => plain::<C, Walls>(state, shell),
-        Boundary::Periodic => plain::<C, Wrapped>(state, shell),
+        Boundary::Container => plain::<Walls>(state, shell),
+        Boundary::Periodic => plain::<Wrapped>(state, shell),
         Boundary::Open => None,
     }
 }
@@ -234,25 +231,26 @@ impl<C: Calendar, N: Needs, S: Surroundings<N>> EventDriven<C, N, S> {
             }
         };
         if self.interacting()
-            && let Some((flight, axis)) = self.surroundings.crossing(ball, trajectory, radius)
+            && let Some((flight, axis)) = self.surroundings.crossing(&self.state, ball)
         {
             offer(begin + flight, EventKind::Crossing { axis });
         }
         for axis in 0..3 {
             let speed = trajectory.velocity[axis];
-            let upper = speed > 0.0;
+            let face = Wall {
+                axis,
+                upper: speed > 0.0,
+            };
             let limit = match N::of(domain.boundary) {
                 Boundary::Container => domain.half_size[axis] - radius,
                 Boundary::Periodic => domain.half_size[axis],
                 Boundary::Open => continue,
             };
-            let face = (axis, upper);
-            if self.interacting() && !self.surroundings.may_reach(ball, radius, domain, face) {
+            if self.interacting() && !self.surroundings.may_reach(&self.state, ball, face) {
                 continue;
             }
             if let Some(time) = wall_time(trajectory, axis, limit.copysign(speed)) {
-                let wall = Wall { axis, upper };
-                offer(time.relative_to(self.base), EventKind::Wall(wall));
+                offer(time.relative_to(self.base), EventKind::Wall(face));
             }
         }
         for (index, plane) in N::planes(domain).iter().enumerate() {

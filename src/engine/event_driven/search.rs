@@ -5,10 +5,11 @@ use glam::DVec3;
 use crate::cell_list::{Cell, CellList, Company};
 use crate::collision::{image_pair_time, may_meet, pair_time, separation_at_later_begin};
 use crate::engine::event_driven::needs::Needs;
+use crate::engine::image::steps_of;
 use crate::state::{State, Time};
 
 /// Balls looked at in one go.
-pub const AT_ONCE: usize = 32;
+const AT_ONCE: usize = 32;
 
 /// The earliest pair collision that a ball knows of.
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +35,7 @@ impl Candidate {
 
     /// Takes the collision of `ball` with `other` instead, if it comes earlier.
     #[inline]
-    pub fn improve(&mut self, ball: usize, other: u32, time: Time, image: [i8; 3]) {
+    fn improve(&mut self, ball: usize, other: u32, time: Time, image: [i8; 3]) {
         if time < self.time
             || (time == self.time && pair_precedes(ball as u32, other, self.partner))
         {
@@ -64,13 +65,23 @@ pub fn look<N: Needs>(
     if let Some(cell) = company.at_face {
         look_at_images(state, cells, ball, company.balls, cell, best);
     } else {
-        look_inside::<N>(state, ball, company.balls, best);
+        // No face of a periodic box passes this cell.
+        let see = |other| (other, None);
+        look_at::<N>(state, ball, company.balls, see, |_| DVec3::ZERO, best);
     }
 }
 
-/// Looks at the others of a cell that no face of a periodic box passes.
-#[inline]
-fn look_inside<N: Needs>(state: &State, ball: usize, others: &[u32], best: &mut Candidate) {
+/// Improves a ball's candidate by its collisions with others, each at one image: `see` gives the other ball and the number of the
+/// image by which the looking one meets it, if there are images, and `shift` the way to that.
+#[inline(always)]
+pub fn look_at<N: Needs>(
+    state: &State,
+    ball: usize,
+    others: &[u32],
+    see: impl Fn(u32) -> (u32, Option<usize>),
+    shift: impl Fn(usize) -> DVec3,
+    best: &mut Candidate,
+) {
     let trajectory = &state.trajectories[ball];
     let radius = N::body(&state.bodies, ball).radius;
     let contact = |other: u32| radius + N::body(&state.bodies, other as usize).radius;
@@ -79,17 +90,26 @@ fn look_inside<N: Needs>(state: &State, ball: usize, others: &[u32], best: &mut 
         // also lets it fetch several flights at a time. A ball never may meet itself: it does not approach.
         let mut possible = [0; AT_ONCE];
         let mut count = 0;
-        for &other in others {
+        for &seen in others {
+            let (other, image) = see(seen);
             let flight = &state.trajectories[other as usize];
-            let (_, separation) = separation_at_later_begin(trajectory, flight);
+            let (_, mut separation) = separation_at_later_begin(trajectory, flight);
+            if let Some(image) = image {
+                separation += shift(image);
+            }
             let velocity = trajectory.velocity - flight.velocity;
-            possible[count] = other;
+            possible[count] = seen;
             count += usize::from(may_meet(separation, velocity, contact(other)));
         }
-        for &other in &possible[..count] {
+        for &seen in &possible[..count] {
+            let (other, image) = see(seen);
             let flight = &state.trajectories[other as usize];
-            if let Some(time) = pair_time(trajectory, flight, contact(other)) {
-                best.improve(ball, other, time, [0; 3]);
+            let time = match image {
+                None => pair_time(trajectory, flight, contact(other)),
+                Some(image) => image_pair_time(trajectory, flight, contact(other), shift(image)),
+            };
+            if let Some(time) = time {
+                best.improve(ball, other, time, image.map_or([0; 3], steps_of));
             }
         }
     }

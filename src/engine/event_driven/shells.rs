@@ -11,12 +11,12 @@ use glam::{DVec3, Vec3};
 use prefetch_index::prefetch_index;
 
 use super::needs::Needs;
-use super::search::{AT_ONCE, Candidate};
+use super::search::{Candidate, look_at};
 use super::surroundings::Surroundings;
 use crate::cell_list::CellList;
-use crate::collision::{image_pair_time, may_meet, separation_at_later_begin};
-use crate::domain::{Boundary, Domain};
+use crate::domain::Boundary;
 use crate::engine::image::{IMAGE_SHIFT, IMAGES, Seen, image_at, image_of, number_of, steps_of};
+use crate::event::Wall;
 use crate::state::{State, Trajectory};
 
 /// Share of a shell's radius that a ball leaves unused: far above rounding, far below anything that costs.
@@ -244,9 +244,11 @@ impl<N: Needs> Surroundings<N> for Shells<N> {
 
     /// Along which axis says nothing here: a shell is round.
     #[inline]
-    fn crossing(&self, ball: usize, trajectory: &Trajectory, _radius: f64) -> Option<(f64, usize)> {
-        let velocity = trajectory.velocity;
-        let from_center = trajectory.position - self.center(ball);
+    fn crossing(&self, state: &State, ball: usize) -> Option<(f64, usize)> {
+        let Trajectory {
+            position, velocity, ..
+        } = state.trajectories[ball];
+        let from_center = position - self.center(ball);
         let speed_squared = velocity.length_squared();
         let radial = from_center.dot(velocity);
         let inside = self.shell * self.shell - from_center.length_squared();
@@ -255,20 +257,12 @@ impl<N: Needs> Surroundings<N> for Shells<N> {
     }
 
     #[inline]
-    fn may_reach(
-        &self,
-        ball: usize,
-        radius: f64,
-        domain: &Domain,
-        (axis, upper): (usize, bool),
-    ) -> bool {
+    fn may_reach(&self, state: &State, ball: usize, Wall { axis, upper }: Wall) -> bool {
         let ahead = self.center(ball)[axis];
         let ahead = if upper { ahead } else { -ahead };
-        let radius = match N::of(domain.boundary) {
-            Boundary::Periodic => 0.0,
-            Boundary::Container | Boundary::Open => radius,
-        };
-        ahead + radius + 1.1 * self.shell > domain.half_size[axis]
+        // In a periodic box it is the centre that counts; then this asks a little early.
+        let radius = N::body(&state.bodies, ball).radius;
+        ahead + radius + 1.1 * self.shell > state.domain.half_size[axis]
     }
 
     fn cross(&mut self, state: &State, ball: usize, _axis: usize, best: &mut Candidate) {
@@ -301,32 +295,10 @@ impl<N: Needs> Surroundings<N> for Shells<N> {
     #[inline]
     fn look(&self, state: &State, ball: usize) -> Candidate {
         let mut best = Candidate::NONE;
-        let trajectory = &state.trajectories[ball];
-        let contact = 2.0 * N::body(&state.bodies, ball).radius;
         let periodic = N::of(self.boundary) == Boundary::Periodic;
-        for neighbours in self.neighbours(ball).chunks(AT_ONCE) {
-            // As in the cells: all are looked at without a branch.
-            let mut possible = [0; AT_ONCE];
-            let mut count = 0;
-            for &seen in neighbours {
-                let flight = &state.trajectories[number_of(seen) as usize];
-                let (_, mut separation) = separation_at_later_begin(trajectory, flight);
-                if periodic {
-                    separation += self.shifts[image_of(seen)];
-                }
-                let velocity = trajectory.velocity - flight.velocity;
-                possible[count] = seen;
-                count += usize::from(may_meet(separation, velocity, contact));
-            }
-            for &seen in &possible[..count] {
-                let (other, image) = (number_of(seen), image_of(seen));
-                let flight = &state.trajectories[other as usize];
-                let shift = self.shifts[image];
-                if let Some(time) = image_pair_time(trajectory, flight, contact, shift) {
-                    best.improve(ball, other, time, steps_of(image));
-                }
-            }
-        }
+        let see = |seen| (number_of(seen), periodic.then(|| image_of(seen)));
+        let shift = |image: usize| self.shifts[image];
+        look_at::<N>(state, ball, self.neighbours(ball), see, shift, &mut best);
         best
     }
 }

@@ -1,10 +1,11 @@
 //! What a ball asks of its surroundings: whom it may meet, and for how long that answer is good.
 
 use crate::cell_list::{CellList, Company};
-use crate::domain::{Boundary, Domain};
+use crate::domain::Boundary;
 use crate::engine::event_driven::needs::Needs;
 use crate::engine::event_driven::search::{Candidate, look};
-use crate::state::{State, Trajectory};
+use crate::event::Wall;
+use crate::state::State;
 
 /// Knows for each ball whom it may meet until it next crosses something.
 ///
@@ -17,10 +18,10 @@ pub trait Surroundings<N: Needs>: Clone + Send {
     fn push(&mut self, state: &State, ball: usize);
 
     /// When a flying ball crosses into what it does not know yet, in epochs since its flight began, and along which axis.
-    fn crossing(&self, ball: usize, trajectory: &Trajectory, radius: f64) -> Option<(f64, usize)>;
+    fn crossing(&self, state: &State, ball: usize) -> Option<(f64, usize)>;
 
-    /// Whether a ball may meet the face of the box ahead of it along an axis before its next crossing.
-    fn may_reach(&self, ball: usize, radius: f64, domain: &Domain, face: (usize, bool)) -> bool;
+    /// Whether a ball may meet a face of the box before its next crossing, if it flies towards it.
+    fn may_reach(&self, state: &State, ball: usize, face: Wall) -> bool;
 
     /// A ball crosses, now: it learns whom it may meet from here on, and takes the earliest collision with those it did not
     /// know.
@@ -53,7 +54,9 @@ impl<N: Needs> Surroundings<N> for CellList<N> {
     }
 
     #[inline]
-    fn crossing(&self, ball: usize, trajectory: &Trajectory, radius: f64) -> Option<(f64, usize)> {
+    fn crossing(&self, state: &State, ball: usize) -> Option<(f64, usize)> {
+        let trajectory = &state.trajectories[ball];
+        let radius = N::body(&state.bodies, ball).radius;
         let mut first = (f64::INFINITY, 0);
         for axis in 0..3 {
             if let Some(flight) = self.crossing(ball, trajectory, radius, axis)
@@ -66,8 +69,8 @@ impl<N: Needs> Surroundings<N> for CellList<N> {
     }
 
     #[inline]
-    fn may_reach(&self, ball: usize, _radius: f64, domain: &Domain, face: (usize, bool)) -> bool {
-        N::of(domain.boundary) == Boundary::Periodic || self.is_outermost(ball, face)
+    fn may_reach(&self, state: &State, ball: usize, face: Wall) -> bool {
+        N::of(state.domain.boundary) == Boundary::Periodic || self.is_outermost(ball, face)
     }
 
     #[inline]

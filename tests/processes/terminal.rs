@@ -193,12 +193,21 @@ impl Terminal {
         self.state.line.store(bytes_per_second, Ordering::SeqCst);
     }
 
-    /// Bytes up to the end of the first frame.
+    /// Bytes up to the end of the first frame, which is waited for.
+    #[track_caller]
     pub fn first_paint(&self) -> usize {
         const END: &[u8] = b"\x1b[?2026l";
-        let bytes = self.bytes();
-        let end = bytes.windows(END.len()).position(|part| part == END);
-        end.expect("a frame") + END.len()
+        let mut end = None;
+        wait_until(
+            "the end of the first frame",
+            || {
+                let bytes = self.bytes();
+                end = bytes.windows(END.len()).position(|part| part == END);
+                end.is_some()
+            },
+            || self.screen(),
+        );
+        end.expect("it was waited for") + END.len()
     }
 
     /// Hangs up.

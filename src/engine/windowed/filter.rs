@@ -12,8 +12,7 @@ use std::any::Any;
 use pulp::x86::V3;
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
-use super::pieces::Line;
-use super::sheet::{LANES, Sheet};
+use super::sheet::{Block, LANES, Row, Rows, Sheet};
 
 /// Share of `|r|^2 |v|^2` by which f32 rounding can change `(r . v)^2 - |v|^2 |r|^2`: some twenty roundings of 2^-24 each at
 /// the most, with a margin.
@@ -26,9 +25,17 @@ const TIME_ROUNDING: f32 = 1e-6;
 #[derive(Clone, Debug)]
 pub struct Filter {
     machine: Arch,
-    /// Vectors with hits: row, chunk of columns, lanes.
-    hits: Vec<u64>,
+    hits: Vec<Hits>,
+    touching: Vec<(u32, u32)>,
     margins: Margins,
+    limits: Limits,
+}
+
+/// What the filter compares with, margins included, in grid lengths.
+#[derive(Clone, Copy, Debug, Default)]
+struct Limits {
+    /// Widths of a cell.
+    edges: [f32; 3],
     /// Largest distance of a contact point, as seen here, from the middle.
     off_middle: f32,
     contact_squared: f32,
@@ -54,9 +61,9 @@ impl Default for Filter {
         Self {
             machine: Arch::new(),
             hits: Vec::new(),
+            touching: Vec::new(),
             margins: Margins::default(),
-            off_middle: 0.0,
-            contact_squared: 0.0,
+            limits: Limits::default(),
         }
     }
 }
@@ -78,8 +85,11 @@ impl Filter {
                 apart * apart
             })
             .sum();
-        self.off_middle = (margins.off_middle + 4.0 * margins.position) as f32;
-        self.contact_squared = (contact * contact + ROUNDING * farthest) as f32;
+        self.limits = Limits {
+            edges: margins.edges,
+            off_middle: (margins.off_middle + 4.0 * margins.position) as f32,
+            contact_squared: (contact * contact + ROUNDING * farthest) as f32,
+        };
     }
 
     /// Allows for a piece as fast as this.
@@ -99,127 +109,266 @@ impl Filter {
         self.margins.fastest
     }
 
-    /// Appends to `pairs` each pair of a piece of a cell from row `first` on and a piece before it that can meet in the cell in
-    /// the window, the later row first.
-    pub fn find(&mut self, sheet: &Sheet, first: usize, pairs: &mut Vec<(u32, u32)>) {
-        let (columns, count) = (sheet.columns(), sheet.count());
-        let found = self.machine.dispatch(Find {
-            columns,
+    /// Puts on `sheet` those pieces of a cell that are not on it yet, and appends to `pairs` each pair of a piece from row
+    /// `first` on and a piece before it that can meet in the cell in the window, the later row first.
+    pub fn find(
+        &mut self,
+        sheet: &mut Sheet,
+        pieces: impl Rows,
+        first: usize,
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
+        self.machine.dispatch(Find {
+            sheet,
+            pieces,
             first,
-            count,
-            contact_squared: self.contact_squared,
+            limits: self.limits,
             hits: &mut self.hits,
+            touching: &mut self.touching,
+            pairs,
         });
-        for &hit in &self.hits[..found] {
-            let (row, chunk) = ((hit >> 16 & 0xff_ffff) as u32, (hit >> 40) as u32);
-            let mut lanes = (hit & 0xffff) as u32;
+    }
+}
+
+/// Some rows and a vector of columns, of which some pairs touch.
+#[derive(Clone, Copy, Debug, Default)]
+struct Hits {
+    /// The first of the rows.
+    row: u32,
+    /// The first of the columns.
+    column: u32,
+    /// For each row [`LANES`] bits, one for each column.
+    lanes: u64,
+}
+
+impl Hits {
+    #[inline(always)]
+    fn new(row: usize, column: usize, lanes: u64) -> Self {
+        Self {
+            row: row as u32,
+            column: column as u32,
+            lanes,
+        }
+    }
+}
+
+/// Rows of which the hits are written down together.
+const ROWS_AT_ONCE: usize = u64::BITS as usize / LANES;
+
+struct Find<'a, P> {
+    sheet: &'a mut Sheet,
+    pieces: P,
+    first: usize,
+    limits: Limits,
+    hits: &'a mut Vec<Hits>,
+    touching: &'a mut Vec<(u32, u32)>,
+    pairs: &'a mut Vec<(u32, u32)>,
+}
+
+impl<P: Rows> WithSimd for Find<'_, P> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.sheet.fill(simd, &self.pieces);
+        let contact_squared = self.limits.contact_squared;
+        let found = lines_that_touch(simd, self.sheet, self.first, contact_squared, self.hits);
+        self.touching.clear();
+        for hits in &self.hits[..found] {
+            let mut lanes = hits.lanes;
             while lanes != 0 {
-                let other = chunk * LANES as u32 + lanes.trailing_zeros();
+                let bit = lanes.trailing_zeros();
                 lanes &= lanes - 1;
-                if other < row && self.can_meet_here(columns, row as usize, other as usize) {
-                    pairs.push((row, other));
+                let row = hits.row + bit / LANES as u32;
+                let column = hits.column + bit % LANES as u32;
+                if column < row {
+                    self.touching.push((row, column));
                 }
             }
         }
-    }
-
-    /// Whether two pieces whose lines touch may do so within the window and within the cell. In doubt they may.
-    #[inline(always)]
-    fn can_meet_here(&self, columns: [&[f32]; 6], row: usize, other: usize) -> bool {
-        let [x, y, z, u, v, w] = columns;
-        let apart = [x[row] - x[other], y[row] - y[other], z[row] - z[other]];
-        let velocity = [u[row] - u[other], v[row] - v[other], w[row] - w[other]];
-        let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let (radial, speed_squared) = (dot(apart, velocity), dot(velocity, velocity));
-        let distance_squared = dot(apart, apart);
-        let beyond = distance_squared - self.contact_squared;
-        let root = (radial * radial - speed_squared * beyond).max(0.0).sqrt();
-        let closest = -radial / speed_squared;
-        // For a pair without a relative velocity these are no numbers, and nothing is rejected.
-        let time_margin = TIME_ROUNDING * (distance_squared / speed_squared).sqrt();
-        // No later than the contact.
-        let touch = (closest - root / speed_squared).max(0.0);
-        if touch > 1.0 + time_margin {
-            return false;
+        let rows = self.sheet.rows();
+        let (mut ones, mut others) = (Block::default(), Block::default());
+        for pairs in self.touching.chunks(LANES) {
+            let pair = |lane: usize| pairs[lane.min(pairs.len() - 1)];
+            ones.turn(
+                simd,
+                std::array::from_fn(|lane| &rows[pair(lane).0 as usize]),
+            );
+            others.turn(
+                simd,
+                std::array::from_fn(|lane| &rows[pair(lane).1 as usize]),
+            );
+            let mut in_vain = 0;
+            for vector in 0..LANES / S::F32_LANES {
+                let miss = cannot_meet_here(simd, &ones, &others, vector, self.limits);
+                in_vain |= lanes_of(simd, miss) << (vector * S::F32_LANES);
+            }
+            let mut kept = [(0, 0); LANES];
+            let mut count = 0;
+            for (lane, &pair) in pairs.iter().enumerate() {
+                kept[count] = pair;
+                count += usize::from(in_vain >> lane & 1 == 0);
+            }
+            self.pairs.extend_from_slice(&kept[..count]);
         }
-        // The contact lies between the two times.
-        let middle = [x[row] + x[other], y[row] + y[other], z[row] + z[other]];
-        let drift = [u[row] + u[other], v[row] + v[other], w[row] + w[other]];
-        !(0..3).any(|axis| {
-            let margin = self.off_middle + time_margin * drift[axis].abs();
-            let half = 0.5 * self.margins.edges[axis] + margin;
-            let [one, two] = [touch, closest].map(|time| 0.5 * (middle[axis] + drift[axis] * time));
-            one.min(two) > half || one.max(two) < -half
-        })
     }
 }
 
-struct Find<'a> {
-    columns: [&'a [f32]; 6],
+/// Writes down the pairs, of rows from the first on and of columns that come before or in the same vector, whose lines touch and
+/// that approach each other; gives how many vectors that took.
+///
+/// Free of branches that depend on the pieces: hits are written down by advancing past them.
+#[inline(always)]
+fn lines_that_touch<S: Simd>(
+    simd: S,
+    sheet: &Sheet,
     first: usize,
-    count: usize,
     contact_squared: f32,
-    hits: &'a mut Vec<u64>,
-}
-
-impl WithSimd for Find<'_> {
-    /// How many vectors have hits.
-    type Output = usize;
-
-    /// Free of branches that depend on the pieces: a vector with hits is written down by advancing past it.
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> usize {
-        let lanes = size_of::<S::f32s>() / size_of::<f32>();
-        let [x, y, z, u, v, w] = self.columns;
-        let rows = |column: &'_ [f32]| column.len().min(self.count);
-        let count = rows(x)
-            .min(rows(y))
-            .min(rows(z))
-            .min(rows(u))
-            .min(rows(v))
-            .min(rows(w));
-        let chunks = S::as_simd_f32s(x).0.iter().zip(S::as_simd_f32s(y).0);
-        let chunks = chunks.zip(S::as_simd_f32s(z).0.iter().zip(S::as_simd_f32s(u).0));
-        let chunks = chunks.zip(S::as_simd_f32s(v).0.iter().zip(S::as_simd_f32s(w).0));
-        // Narrower vectors are more.
-        let most = (count - self.first.min(count)) * count.div_ceil(lanes) + 1;
-        if self.hits.len() < most {
-            self.hits.resize(most + most / 2, 0);
-        }
-        let hits = &mut self.hits[..];
-        let minus_contact_squared = simd.splat_f32s(-self.contact_squared);
-        let zero = simd.splat_f32s(0.0);
-        let mut found = 0;
-        for (chunk, (((&cx, &cy), (&cz, &cu)), (&cv, &cw))) in chunks.enumerate() {
-            let begin = chunk * lanes;
-            let place = (begin / LANES) as u64;
-            for row in self.first.max(begin + 1)..count {
-                let rx = simd.sub_f32s(cx, simd.splat_f32s(x[row]));
-                let ry = simd.sub_f32s(cy, simd.splat_f32s(y[row]));
-                let rz = simd.sub_f32s(cz, simd.splat_f32s(z[row]));
-                let vx = simd.sub_f32s(simd.splat_f32s(u[row]), cu);
-                let vy = simd.sub_f32s(simd.splat_f32s(v[row]), cv);
-                let vz = simd.sub_f32s(simd.splat_f32s(w[row]), cw);
-                // Positive if they approach.
-                let approach = simd.mul_f32s(rx, vx);
-                let approach = simd.mul_add_e_f32s(ry, vy, approach);
-                let approach = simd.mul_add_e_f32s(rz, vz, approach);
-                let beyond = simd.mul_add_e_f32s(rx, rx, minus_contact_squared);
-                let beyond = simd.mul_add_e_f32s(ry, ry, beyond);
-                let beyond = simd.mul_add_e_f32s(rz, rz, beyond);
-                let speed = simd.mul_f32s(vx, vx);
-                let speed = simd.mul_add_e_f32s(vy, vy, speed);
-                let speed = simd.mul_add_e_f32s(vz, vz, speed);
-                // (r . v)^2 against |v|^2 (|r|^2 - contact^2): whether the lines touch.
-                let closeness = simd.mul_f32s(approach, simd.max_f32s(approach, zero));
-                let hit = simd.less_than_f32s(simd.mul_f32s(speed, beyond), closeness);
-                let hit = lanes_of(simd, hit) << (begin % LANES);
-                hits[found] = place << 40 | (row as u64) << 16 | hit;
-                found += usize::from(hit != 0);
+    hits: &mut Vec<Hits>,
+) -> usize {
+    let rows = sheet.rows();
+    let lanes = S::F32_LANES;
+    // Narrower vectors are more.
+    let most = (rows.len() - first.min(rows.len())) * rows.len().div_ceil(lanes) + 1;
+    if hits.len() < most {
+        hits.resize(most + most / 2, Hits::default());
+    }
+    let minus_contact_squared = simd.splat_f32s(-contact_squared);
+    let mut found = 0;
+    for (number, block) in sheet.blocks().iter().enumerate() {
+        for vector in 0..LANES / lanes {
+            let column = number * LANES + vector * lanes;
+            let mut row = first.max(column + 1);
+            let Some(rows) = rows.get(row..) else { break };
+            let columns = block.vectors(simd, vector);
+            let (groups, rest) = rows.as_chunks::<ROWS_AT_ONCE>();
+            for group in groups {
+                let mut lanes = 0;
+                for (place, row) in group.iter().enumerate() {
+                    let touch = lines_touch(simd, row, columns, minus_contact_squared);
+                    lanes |= lanes_of(simd, touch) << (place * LANES);
+                }
+                hits[found] = Hits::new(row, column, lanes);
+                found += usize::from(lanes != 0);
+                row += ROWS_AT_ONCE;
+            }
+            for one in rest {
+                let touch = lines_touch(simd, one, columns, minus_contact_squared);
+                let lanes = lanes_of(simd, touch);
+                hits[found] = Hits::new(row, column, lanes);
+                found += usize::from(lanes != 0);
+                row += 1;
             }
         }
-        found
     }
+    found
+}
+
+/// Which pairs of pieces, whose lines touch, cannot do so within the window and within the cell. In doubt they can.
+#[inline(always)]
+fn cannot_meet_here<S: Simd>(
+    simd: S,
+    ones: &Block,
+    others: &Block,
+    vector: usize,
+    limits: Limits,
+) -> S::m32s {
+    let (zero, one, half) = (
+        simd.splat_f32s(0.0),
+        simd.splat_f32s(1.0),
+        simd.splat_f32s(0.5),
+    );
+    let [x, y, z, u, v, w] = ones.vectors(simd, vector);
+    let [other_x, other_y, other_z, other_u, other_v, other_w] = others.vectors(simd, vector);
+    let apart = [
+        simd.sub_f32s(x, other_x),
+        simd.sub_f32s(y, other_y),
+        simd.sub_f32s(z, other_z),
+    ];
+    let velocity = [
+        simd.sub_f32s(u, other_u),
+        simd.sub_f32s(v, other_v),
+        simd.sub_f32s(w, other_w),
+    ];
+    let per_speed_squared = simd.div_f32s(one, dot(simd, velocity, velocity));
+    let distance_squared = dot(simd, apart, apart);
+    let beyond = simd.sub_f32s(distance_squared, simd.splat_f32s(limits.contact_squared));
+    let closest = simd.mul_f32s(dot(simd, apart, velocity), per_speed_squared);
+    let closest = simd.neg_f32s(closest);
+    // For a pair without a relative velocity these are no numbers, and nothing is rejected.
+    let share = simd.mul_f32s(distance_squared, per_speed_squared);
+    let time_margin = simd.mul_f32s(simd.splat_f32s(TIME_ROUNDING), simd.sqrt_f32s(share));
+    // No later than the contact.
+    let before_squared = simd.sub_f32s(
+        simd.mul_f32s(closest, closest),
+        simd.mul_f32s(beyond, per_speed_squared),
+    );
+    let before = simd.sqrt_f32s(simd.max_f32s(before_squared, zero));
+    let touch = simd.max_f32s(simd.sub_f32s(closest, before), zero);
+    let mut miss = simd.greater_than_f32s(touch, simd.add_f32s(one, time_margin));
+    // The contact lies between the two times.
+    let middles = [
+        simd.add_f32s(x, other_x),
+        simd.add_f32s(y, other_y),
+        simd.add_f32s(z, other_z),
+    ];
+    let drifts = [
+        simd.add_f32s(u, other_u),
+        simd.add_f32s(v, other_v),
+        simd.add_f32s(w, other_w),
+    ];
+    for axis in 0..3 {
+        let (middle, drift) = (middles[axis], drifts[axis]);
+        let least_margin = simd.splat_f32s(0.5 * limits.edges[axis] + limits.off_middle);
+        let limit = simd.mul_add_e_f32s(time_margin, simd.abs_f32s(drift), least_margin);
+        let at_touch = simd.mul_f32s(half, simd.mul_add_e_f32s(drift, touch, middle));
+        let at_closest = simd.mul_f32s(half, simd.mul_add_e_f32s(drift, closest, middle));
+        let least = simd.min_f32s(at_touch, at_closest);
+        let most = simd.max_f32s(at_touch, at_closest);
+        let above = simd.greater_than_f32s(least, limit);
+        let below = simd.less_than_f32s(most, simd.neg_f32s(limit));
+        miss = simd.or_m32s(miss, simd.or_m32s(above, below));
+    }
+    miss
+}
+
+#[inline(always)]
+fn dot<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> S::f32s {
+    let sum = simd.mul_f32s(a[0], b[0]);
+    let sum = simd.mul_add_e_f32s(a[1], b[1], sum);
+    simd.mul_add_e_f32s(a[2], b[2], sum)
+}
+
+/// Whether the lines of a row and of columns touch, and they approach each other.
+#[inline(always)]
+fn lines_touch<S: Simd>(
+    simd: S,
+    row: &Row,
+    [x, y, z, u, v, w]: [S::f32s; 6],
+    minus_contact_squared: S::f32s,
+) -> S::m32s {
+    let Row {
+        position, velocity, ..
+    } = row;
+    let apart = [
+        simd.sub_f32s(x, simd.splat_f32s(position[0])),
+        simd.sub_f32s(y, simd.splat_f32s(position[1])),
+        simd.sub_f32s(z, simd.splat_f32s(position[2])),
+    ];
+    let velocity = [
+        simd.sub_f32s(simd.splat_f32s(velocity[0]), u),
+        simd.sub_f32s(simd.splat_f32s(velocity[1]), v),
+        simd.sub_f32s(simd.splat_f32s(velocity[2]), w),
+    ];
+    // Positive if they approach.
+    let approach = dot(simd, apart, velocity);
+    let beyond = simd.mul_add_e_f32s(apart[0], apart[0], minus_contact_squared);
+    let beyond = simd.mul_add_e_f32s(apart[1], apart[1], beyond);
+    let beyond = simd.mul_add_e_f32s(apart[2], apart[2], beyond);
+    let speed = dot(simd, velocity, velocity);
+    // (r . v)^2 against |v|^2 (|r|^2 - contact^2).
+    let closeness = simd.mul_f32s(approach, simd.max_f32s(approach, simd.splat_f32s(0.0)));
+    simd.less_than_f32s(simd.mul_f32s(speed, beyond), closeness)
 }
 
 /// A comparison's outcome as a number with a bit for each lane.
@@ -246,47 +395,46 @@ fn lanes_of<S: Simd>(simd: S, mask: S::m32s) -> u64 {
     }
 }
 
-/// A piece as a column sees it.
-#[inline(always)]
-pub fn relative(line: &Line, origin: [f32; 3]) -> [f32; 6] {
-    let [x, y, z] = line.position;
-    let [u, v, w] = line.velocity;
-    [x - origin[0], y - origin[1], z - origin[2], u, v, w]
-}
-
 #[cfg(test)]
 mod tests {
     use pulp::{Scalar, Scalar128b, Scalar256b, Scalar512b};
 
-    use super::*;
+    use glam::DVec3;
 
-    /// Pieces on a line that all fly towards its middle, so that the lines of any two touch.
-    fn crowd(count: usize) -> Sheet {
-        let mut sheet = Sheet::default();
-        sheet.fill(count, |row| {
-            let place = row as f32 - 0.5 * (count as f32 - 1.0);
-            [place, 0.0, 0.0, -place, 0.0, 0.0]
-        });
-        sheet
+    use super::*;
+    use crate::engine::windowed::pieces::NONE;
+
+    /// Pieces on a line that all fly towards its middle, so that the lines of any two touch and they meet there.
+    struct Crowd(usize);
+
+    impl Rows for Crowd {
+        fn count(&self) -> usize {
+            self.0
+        }
+
+        fn row(&self, number: usize) -> Row {
+            let place = number as f64 - 0.5 * (self.0 as f64 - 1.0);
+            Row::new(DVec3::X * place, DVec3::X * -place, number as u32, NONE)
+        }
     }
 
     /// The pairs of rows that vectors of one width find.
-    fn pairs(simd: impl Simd, sheet: &Sheet, first: usize) -> Vec<(u64, u64)> {
-        let mut hits = Vec::new();
-        let found = Find {
-            columns: sheet.columns(),
+    fn pairs(simd: impl Simd, count: usize, first: usize) -> Vec<(u32, u32)> {
+        let mut pairs = Vec::new();
+        Find {
+            sheet: &mut Sheet::default(),
+            pieces: Crowd(count),
             first,
-            count: sheet.count(),
-            contact_squared: 0.01,
-            hits: &mut hits,
+            limits: Limits {
+                edges: [100.0; 3],
+                off_middle: 0.1,
+                contact_squared: 0.01,
+            },
+            hits: &mut Vec::new(),
+            touching: &mut Vec::new(),
+            pairs: &mut pairs,
         }
         .with_simd(simd);
-        let pairs = hits[..found].iter().flat_map(|hit| {
-            let (row, begin) = (hit >> 16 & 0xff_ffff, (hit >> 40) * LANES as u64);
-            let lanes = (0..LANES as u64).filter(move |lane| hit >> lane & 1 == 1);
-            lanes.map(move |lane| (row, begin + lane))
-        });
-        let mut pairs: Vec<_> = pairs.filter(|(row, other)| other < row).collect();
         pairs.sort_unstable();
         pairs
     }
@@ -294,16 +442,15 @@ mod tests {
     #[test]
     fn vectors_of_every_width_find_all_pairs_of_a_crowd() {
         for count in [1, 2, 7, 16, 17, 45] {
-            let sheet = crowd(count);
             for first in [0, count / 2, count] {
-                let rows = first as u64..count as u64;
+                let rows = first as u32..count as u32;
                 let all: Vec<_> = rows
                     .flat_map(|row| (0..row).map(move |other| (row, other)))
                     .collect();
-                assert_eq!(pairs(Scalar, &sheet, first), all);
-                assert_eq!(pairs(Scalar128b, &sheet, first), all);
-                assert_eq!(pairs(Scalar256b, &sheet, first), all);
-                assert_eq!(pairs(Scalar512b, &sheet, first), all);
+                assert_eq!(pairs(Scalar::new(), count, first), all);
+                assert_eq!(pairs(Scalar128b, count, first), all);
+                assert_eq!(pairs(Scalar256b, count, first), all);
+                assert_eq!(pairs(Scalar512b, count, first), all);
             }
         }
     }

@@ -7,9 +7,10 @@
 //! Around the cells lies a layer of places one wide. In a container nothing is listed there. In a periodic box each of these
 //! places is an image of a cell at the opposite face: a ball that reaches out there is listed in that cell, as its image.
 
-use std::ops::AddAssign;
+use std::ops::{AddAssign, Range};
 
 use glam::DVec3;
+use prefetch_index::prefetch_index;
 
 use crate::domain::{Boundary, Domain};
 use crate::engine::image::{IMAGE_SHIFT, Seen, image_at, steps_of};
@@ -19,6 +20,9 @@ pub const SLACK: f64 = 1.0 / (1 << 20) as f64;
 
 /// Most cells along an axis: their Morton numbers interleave ten bits each, the layer around them included.
 const MOST_PER_AXIS: f64 = 1022.0;
+
+/// How many entries before its turn the memory for an entry is asked for: a line of memory.
+const ENTRIES_AHEAD: usize = 16;
 
 /// A place on the grid; the layer around the cells is at -1 and at the count of cells.
 pub type Place = [i32; 3];
@@ -293,7 +297,7 @@ pub struct Lists {
 
 impl Lists {
     /// Makes these the empty lists of these cells, with room for `expected` entries in each before they must grow.
-    pub fn reset(&mut self, cells: std::ops::Range<usize>, expected: usize) {
+    pub fn reset(&mut self, cells: Range<usize>, expected: usize) {
         // Room for the fullest cells that chance brings about, so that the lists need not grow later.
         let most = (expected + 8 * expected.isqrt()).max(self.fullest + 6 * self.fullest.isqrt());
         self.first = cells.start;
@@ -306,7 +310,7 @@ impl Lists {
     }
 
     /// The cells that are listed here.
-    pub fn cells(&self) -> std::ops::Range<usize> {
+    pub fn cells(&self) -> Range<usize> {
         self.first..self.first + self.lengths.len()
     }
 
@@ -356,19 +360,28 @@ impl Lists {
     /// Lists an entry in a cell. Gives whether it is the first since the cell's entries were tested.
     #[inline]
     pub fn insert(&mut self, cell: usize, entry: Entry) -> bool {
-        let cell = cell - self.first;
-        let length = self.lengths[cell] as usize;
-        if length == self.capacity {
+        if !self.tails().insert(cell, entry) {
             self.widen();
+            self.tails().insert(cell, entry);
         }
-        self.entries[cell * self.capacity + length] = entry;
-        self.lengths[cell] += 1;
-        self.tested[cell] as usize == length
+        let cell = cell - self.first;
+        self.tested[cell] + 1 == self.lengths[cell]
+    }
+
+    /// Where entries are added.
+    #[inline(always)]
+    pub fn tails(&mut self) -> Tails<'_> {
+        Tails {
+            first: self.first,
+            entries: &mut self.entries,
+            lengths: &mut self.lengths,
+            capacity: self.capacity,
+        }
     }
 
     /// Enlarges the room of every cell.
     #[cold]
-    fn widen(&mut self) {
+    pub fn widen(&mut self) {
         let capacity = (self.capacity + self.capacity / 4).next_multiple_of(16);
         let mut entries = vec![0; self.lengths.len() * capacity];
         for (from, to) in self
@@ -380,6 +393,47 @@ impl Lists {
         }
         self.entries = entries;
         self.capacity = capacity;
+    }
+}
+
+/// The ends of the lists.
+pub struct Tails<'a> {
+    first: usize,
+    entries: &'a mut [Entry],
+    lengths: &'a mut [u32],
+    capacity: usize,
+}
+
+impl Tails<'_> {
+    /// The cells that are listed here.
+    #[inline(always)]
+    pub fn cells(&self) -> Range<usize> {
+        self.first..self.first + self.lengths.len()
+    }
+
+    /// Lists an entry in a cell, if there is room.
+    #[inline(always)]
+    pub fn insert(&mut self, cell: usize, entry: Entry) -> bool {
+        let cell = cell - self.first;
+        let length = &mut self.lengths[cell];
+        let has_room = (*length as usize) < self.capacity;
+        if has_room {
+            let end = cell * self.capacity + *length as usize;
+            // Where the list goes on when this line of memory is full.
+            prefetch_index(&*self.entries, end + ENTRIES_AHEAD);
+            self.entries[end] = entry;
+            *length += 1;
+        }
+        has_room
+    }
+
+    /// Asks for the memory where the list of a cell begins.
+    #[inline(always)]
+    pub fn read_ahead(&self, cell: usize) {
+        prefetch_index(
+            &*self.entries,
+            cell.wrapping_sub(self.first) * self.capacity,
+        );
     }
 }
 

@@ -8,12 +8,18 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::grid::{Grid, Lists};
 use super::paths::Gas;
-use super::pieces::{Id, Line, NONE, Past};
+use super::pieces::{Id, Line, NONE, Numbering, Past};
 use super::region::Passage;
 use crate::engine::image::{image_of, number_of};
 
 /// Flights in a block.
 const BLOCK: usize = 64;
+
+/// Cells of a flight's path that are written down without a branch.
+const WITHOUT_BRANCHES: usize = 4;
+
+/// How many blocks before its turn the memory for the cells of a block's flights is asked for.
+const BLOCKS_AHEAD: usize = 16;
 
 /// Most cells along an axis that are told apart.
 const SPAN: usize = 3;
@@ -94,6 +100,36 @@ struct Block {
     place: [u32; BLOCK],
 }
 
+/// Which flights of a block left the last window along another piece.
+struct Turned {
+    lanes: [u8; BLOCK],
+    count: usize,
+}
+
+impl Turned {
+    /// Finds them among a block's lines and asks for the memory of their pieces.
+    #[inline(always)]
+    fn read_ahead(lines: &[Line], past: &Past, numbering: Numbering) -> Self {
+        let mut turned = Self {
+            lanes: [0; BLOCK],
+            count: 0,
+        };
+        for (lane, line) in lines.iter().enumerate().take(BLOCK) {
+            turned.lanes[turned.count] = lane as u8;
+            turned.count += usize::from(line.link != NONE);
+        }
+        for &lane in turned.lanes() {
+            past.read_ahead(numbering, lines[lane as usize].link);
+        }
+        turned
+    }
+
+    #[inline(always)]
+    fn lanes(&self) -> &[u8] {
+        &self.lanes[..self.count]
+    }
+}
+
 /// A region's flights.
 pub struct Flights<'a> {
     /// Their lines.
@@ -149,7 +185,8 @@ impl<'f> WithSimd for Listing<'_, 'f> {
             let step = |per: usize| (bit / per % SPAN) as u32;
             step(SPAN * SPAN) * stride_x + step(SPAN) * stride_y + step(1) * stride_z
         });
-        let cells = self.lists.cells();
+        let mut tails = self.lists.tails();
+        let cells = tails.cells();
         let mut first = self.first as u32;
         let Flights {
             lines: all,
@@ -157,15 +194,31 @@ impl<'f> WithSimd for Listing<'_, 'f> {
             past,
             advance,
         } = self.flights;
-        for (number, lines) in all.chunks_mut(BLOCK).enumerate() {
-            for (lane, line) in lines.iter_mut().enumerate() {
-                if line.link != NONE {
-                    let past = past.line(self.gas.numbering, line.link);
-                    let Line {
-                        position, velocity, ..
-                    } = *past;
-                    (line.position, line.velocity, line.link) = (position, velocity, NONE);
-                }
+        let blocks = all.len().div_ceil(BLOCK);
+        // About where a block's flights are.
+        let cell_of = |block: usize| cells.start + cells.len() * block / blocks;
+        let read_ahead = |lines: &[Line]| {
+            let lines = &lines[..BLOCK.min(lines.len())];
+            Turned::read_ahead(lines, past, self.gas.numbering)
+        };
+        let mut next_turned = read_ahead(all);
+        let mut passages = [(0, 0); BLOCK * CUBE + WITHOUT_BRANCHES];
+        for number in 0..blocks {
+            let (_, lines) = all.split_at_mut(number * BLOCK);
+            let (lines, next) = lines.split_at_mut(BLOCK.min(lines.len()));
+            let turned = std::mem::replace(&mut next_turned, read_ahead(next));
+            for cell in cell_of(number + BLOCKS_AHEAD)..cell_of(number + BLOCKS_AHEAD + 1) {
+                tails.read_ahead(cell);
+            }
+            for &lane in turned.lanes() {
+                let line = &mut lines[lane as usize];
+                let past = past.line(self.gas.numbering, line.link);
+                let Line {
+                    position, velocity, ..
+                } = *past;
+                (line.position, line.velocity, line.link) = (position, velocity, NONE);
+            }
+            for (lane, line) in lines.iter_mut().enumerate().take(BLOCK) {
                 for axis in 0..3 {
                     line.position[axis] += line.velocity[axis] * advance;
                     block.position[axis][lane] = line.position[axis];
@@ -180,6 +233,7 @@ impl<'f> WithSimd for Listing<'_, 'f> {
             for plane in &bounds.planes {
                 avoid(&mut block, *plane, bounds.slack);
             }
+            let mut count = 0;
             for lane in 0..lines.len() {
                 let mut touched = block.touched[lane];
                 let id = first + lane as Id;
@@ -187,20 +241,32 @@ impl<'f> WithSimd for Listing<'_, 'f> {
                     self.aside.push(id);
                     continue;
                 }
-                while touched != 0 {
-                    let bit = touched.trailing_zeros() as usize;
-                    touched &= touched - 1;
-                    let target = targets[(block.place[lane] + offsets[bit]) as usize];
-                    let (cell, entry) = (
-                        number_of(target) as usize,
-                        id | (target - number_of(target)),
-                    );
-                    debug_assert!(image_of(target) < 27);
-                    if cells.contains(&cell) {
-                        self.lists.insert(cell, entry);
-                    } else {
-                        self.outbox.push((entry, cell as u32));
+                // How many cells it is cannot be foreseen: most flights are done in so many steps without a branch.
+                for step in 0.. {
+                    if step >= WITHOUT_BRANCHES && touched == 0 {
+                        break;
                     }
+                    let bit = touched.trailing_zeros() as usize % offsets.len();
+                    passages[count] = (block.place[lane] + offsets[bit], id);
+                    count += usize::from(touched != 0);
+                    touched &= touched.wrapping_sub(1);
+                }
+            }
+            for &(place, id) in &passages[..count] {
+                let target = targets[place as usize];
+                let (cell, entry) = (
+                    number_of(target) as usize,
+                    id | (target - number_of(target)),
+                );
+                debug_assert!(image_of(target) < 27);
+                if cells.contains(&cell) {
+                    if !tails.insert(cell, entry) {
+                        self.lists.widen();
+                        tails = self.lists.tails();
+                        tails.insert(cell, entry);
+                    }
+                } else {
+                    self.outbox.push((entry, cell as u32));
                 }
             }
             first += lines.len() as u32;

@@ -5,6 +5,7 @@
 //! found after the regions' exchange and during the commits. Each region keeps its own, so that threads add side by side.
 
 use glam::DVec3;
+use prefetch_index::prefetch_index;
 
 use super::scratch::Scratch;
 use crate::state::Trajectory;
@@ -109,6 +110,13 @@ impl Line {
         }
     }
 
+    /// The same with its position relative to an origin.
+    #[inline(always)]
+    pub fn from(&self, origin: [f32; 3]) -> Self {
+        let position = std::array::from_fn(|axis| self.position[axis] - origin[axis]);
+        Self { position, ..*self }
+    }
+
     /// Largest component of the velocity.
     #[inline(always)]
     pub fn speed(&self) -> f32 {
@@ -179,6 +187,14 @@ impl Past {
             unreachable!("a ball leaves its flight along another piece")
         };
         &self.0[kind][region][place]
+    }
+
+    /// Asks for the memory of that line.
+    #[inline]
+    pub fn read_ahead(&self, numbering: Numbering, id: Id) {
+        if let Piece::Other(kind, region, place) = numbering.piece(id) {
+            prefetch_index(self.0[kind][region].as_slice(), place);
+        }
     }
 }
 

@@ -9,14 +9,14 @@ use glam::DVec3;
 use prefetch_index::prefetch_index;
 use pulp::Arch;
 
-use super::filter::{Filter, Margins, relative};
+use super::filter::{Filter, Margins};
 use super::grid::{Census, Entry, Lists};
 use super::listing::{Flights, Listing};
 use super::meeting::{self, Meeting};
 use super::paths::Gas;
 use super::pieces::{FIRST, Id, Line, NONE, Origin, Piece, Pieces};
 use super::scratch::Scratch;
-use super::sheet::Sheet;
+use super::sheet::{Row, Rows, Sheet};
 use crate::collision::{image_pair_time, pair_time};
 use crate::engine::contact;
 use crate::engine::image::{image_of, number_of, steps_of};
@@ -102,6 +102,50 @@ impl<'a> View<'a> {
             Piece::Flight(_) => id,
             Piece::Other(..) => self.line(id).link,
         }
+    }
+}
+
+/// The pieces that pass a cell of a container.
+struct Passers<'a> {
+    view: View<'a>,
+    entries: &'a [Entry],
+    /// The cell's centre.
+    origin: [f32; 3],
+}
+
+impl Rows for Passers<'_> {
+    #[inline(always)]
+    fn count(&self) -> usize {
+        self.entries.len()
+    }
+
+    #[inline(always)]
+    fn row(&self, number: usize) -> Row {
+        self.view.line(self.entries[number]).from(self.origin)
+    }
+}
+
+/// The pieces that pass a cell of a periodic box.
+struct Images<'a>(Passers<'a>);
+
+impl Rows for Images<'_> {
+    #[inline(always)]
+    fn count(&self) -> usize {
+        self.0.count()
+    }
+
+    #[inline(always)]
+    fn row(&self, number: usize) -> Row {
+        let Passers {
+            view,
+            entries,
+            origin,
+        } = self.0;
+        let entry = entries[number];
+        let grid = view.shelves.gas.grid;
+        let shift = grid.shift(image_of(entry)) * grid.scale;
+        let origin = std::array::from_fn(|axis| origin[axis] - shift[axis] as f32);
+        view.line(number_of(entry)).from(origin)
     }
 }
 
@@ -407,9 +451,13 @@ impl Region {
     fn follow_up(&mut self, shelves: &Shelves, mut own: Option<&mut Own>) {
         while !self.pending.is_empty() {
             let mut pending = std::mem::take(&mut self.pending);
-            for cell in pending.drain(..) {
+            for (index, &cell) in pending.iter().enumerate() {
+                if let Some(&ahead) = pending.get(index + CELLS_AHEAD) {
+                    self.read_ahead(shelves.lines, ahead as usize);
+                }
                 self.search(shelves, own.as_deref(), cell as usize);
             }
+            pending.clear();
             if self.pending.is_empty() {
                 self.pending = pending;
             }
@@ -433,8 +481,7 @@ impl Region {
             shelves,
             own: own.map(|(kind, pieces)| (*kind, &**pieces)),
         };
-        let grid = shelves.gas.grid;
-        let origin = grid.center(cell);
+        let origin = shelves.gas.grid.center(cell);
         let entries = lists.entries(cell);
         let tested = lists.tested(cell);
         let sheet = if let Some(sheet) = sheets.get_mut(cell.wrapping_sub(*on_sheets)) {
@@ -443,26 +490,24 @@ impl Region {
             spare_sheet.clear();
             spare_sheet
         };
+        pairs.empty();
+        let first = tested.max(1);
+        let pieces = Passers {
+            view,
+            entries,
+            origin,
+        };
         if shelves.gas.is_periodic() {
-            sheet.fill(entries.len(), |row| {
-                let entry = entries[row];
-                let shift = grid.shift(image_of(entry)) * grid.scale;
-                let origin = std::array::from_fn(|axis| origin[axis] - shift[axis] as f32);
-                relative(view.line(number_of(entry)), origin)
-            });
+            filter.find(sheet, Images(pieces), first, pairs);
         } else {
-            sheet.fill(entries.len(), |row| {
-                relative(view.line(entries[row]), origin)
-            });
+            filter.find(sheet, pieces, first, pairs);
         }
         lists.set_tested(cell);
-        pairs.empty();
-        filter.find(sheet, tested.max(1), pairs);
         let entries = lists.entries(cell);
         for &(row, other) in pairs.iter() {
             let entries = [row, other].map(|row| entries[row as usize]);
             let ids = entries.map(number_of);
-            let balls = ids.map(|id| view.line(id).ball);
+            let balls = [row, other].map(|row| sheet.rows()[row as usize].ball);
             let origins = ids.map(|id| view.origin(id));
             if balls[0] == balls[1]
                 || origins[0].parents.contains(&ids[1])

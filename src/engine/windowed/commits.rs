@@ -102,28 +102,28 @@ impl Windowed {
     /// Takes up again what was put off and has become valid through what has just happened at `time`.
     #[inline]
     fn take_up(&mut self, time: f64) {
-        if self.put_off.is_empty() {
-            return;
+        if self.put_off.first().is_some_and(|first| first.time == time) {
+            self.take_up_now();
         }
+    }
+
+    #[cold]
+    fn take_up_now(&mut self) {
         let mut put_off = std::mem::take(&mut self.put_off);
-        if put_off[0].time == time {
-            put_off.retain(|meeting| {
-                let alone = meeting.bound().is_some();
-                let pieces = [
-                    meeting.piece,
-                    if alone { meeting.piece } else { meeting.other },
-                ];
-                let valid = pieces
-                    .iter()
-                    .all(|&piece| self.is_present(piece, self.owner(piece)));
-                if valid {
-                    self.follow_ups.push(*meeting);
-                }
-                !valid
-            });
-        } else {
-            put_off.clear();
-        }
+        put_off.retain(|meeting| {
+            let alone = meeting.bound().is_some();
+            let pieces = [
+                meeting.piece,
+                if alone { meeting.piece } else { meeting.other },
+            ];
+            let valid = pieces
+                .iter()
+                .all(|&piece| self.is_present(piece, self.owner(piece)));
+            if valid {
+                self.follow_ups.push(*meeting);
+            }
+            !valid
+        });
         self.put_off = put_off;
     }
 

@@ -9,17 +9,17 @@ use crate::engine::event_driven;
 use crate::state::{Placement, State, Trajectory};
 
 /// Cell width in mean spacings of the balls; measured to be best, and flat around.
-const SPACINGS_PER_CELL: f64 = 3.0;
+const SPACINGS_PER_CELL: f64 = 2.7;
 
 /// Window length in mean times that a ball takes from one cell into the next; measured to be best, and flat around.
-const CROSSINGS_PER_WINDOW: f64 = 1.0;
+const CROSSINGS_PER_WINDOW: f64 = 1.2;
 
 /// Mean number of cell faces that a Maxwellian ball crosses while moving one cell width at the speed `sqrt(k T / m)`:
 /// `3 sqrt(2 / pi)`, derived here.
 const CROSSINGS_PER_WIDTH: f64 = 2.394;
 
-/// Most pair collisions per ball in a window.
-const COLLISIONS_PER_WINDOW: f64 = 0.1;
+/// Most pair collisions per ball in a window; measured to be best, and flat around.
+const COLLISIONS_PER_WINDOW: f64 = 0.15;
 
 /// Longest window \[epochs\]: times in it stay exact relative to its first epoch.
 const LONGEST_WINDOW: f64 = 4.0;
@@ -30,7 +30,7 @@ const SHORTEST_WINDOW: f64 = 1.0 / (1_u64 << 40) as f64;
 /// From which numbers of balls, and at which mean spacing in diameters, this engine is the faster one (measured).
 const FEW_BALLS: usize = 1000;
 const MANY_BALLS: usize = 20_000;
-const DILUTE_FEW: f64 = 2.0;
+const DILUTE_FEW: f64 = 1.6;
 const DILUTE_MANY: f64 = 1.35;
 
 /// Largest radius in smallest ones up to which the filter, which knows the largest only, lets little through in vain.

@@ -18,7 +18,7 @@ use super::sheet::{Block, LANES, Row, Rows, Sheet};
 /// the most, with a margin.
 const ROUNDING: f64 = 2.5e-6;
 
-/// Rounding of the times `r . v / v^2`, as a share of `|r| / |v|`: some four roundings of 2^-24, with a margin.
+/// Rounding of the times `r . v / v^2`, as a share of `|r| / |v|`: some eight roundings of 2^-24, with a margin.
 const TIME_ROUNDING: f32 = 1e-6;
 
 /// The filter.

@@ -29,6 +29,7 @@ mod pieces;
 mod region;
 mod scratch;
 mod sheet;
+mod shelves;
 mod tuning;
 
 use std::collections::BinaryHeap;
@@ -45,8 +46,9 @@ use listing::Flights;
 use meeting::Meeting;
 use paths::{Gas, Window};
 use pieces::{FRESH, LATER, Line, MOST_REGIONS, NONE, Numbering, Past, Piece, Pieces};
-use region::{Region, Shelves};
+use region::Region;
 use scratch::Scratch;
+use shelves::Shelves;
 use tuning::Work;
 
 /// Windows between two sortings of the balls.

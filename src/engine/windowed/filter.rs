@@ -6,12 +6,10 @@
 //!
 //! All is in grid lengths and windows: the window lasts from time 0 to time 1.
 
-use std::any::Any;
-
-#[cfg(target_arch = "x86_64")]
-use pulp::x86::V3;
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
+#[cfg(target_arch = "x86_64")]
+use super::sheet::as_v3;
 use super::sheet::{Block, LANES, Row, Rows, Sheet};
 
 /// Share of `|r|^2 |v|^2` by which f32 rounding can change `(r . v)^2 - |v|^2 |r|^2`: some twenty roundings of 2^-24 each at
@@ -278,22 +276,14 @@ fn cannot_meet_here<S: Simd>(
         simd.splat_f32s(1.0),
         simd.splat_f32s(0.5),
     );
-    let [x, y, z, u, v, w] = ones.vectors(simd, vector);
-    let [other_x, other_y, other_z, other_u, other_v, other_w] = others.vectors(simd, vector);
-    let apart = [
-        simd.sub_f32s(x, other_x),
-        simd.sub_f32s(y, other_y),
-        simd.sub_f32s(z, other_z),
-    ];
-    let velocity = [
-        simd.sub_f32s(u, other_u),
-        simd.sub_f32s(v, other_v),
-        simd.sub_f32s(w, other_w),
-    ];
-    let per_speed_squared = simd.div_f32s(one, dot(simd, velocity, velocity));
+    let [position, velocity] = ones.vectors(simd, vector);
+    let [other_position, other_velocity] = others.vectors(simd, vector);
+    let apart = difference(simd, position, other_position);
+    let relative = difference(simd, velocity, other_velocity);
+    let per_speed_squared = simd.div_f32s(one, dot(simd, relative, relative));
     let distance_squared = dot(simd, apart, apart);
     let beyond = simd.sub_f32s(distance_squared, simd.splat_f32s(limits.contact_squared));
-    let closest = simd.mul_f32s(dot(simd, apart, velocity), per_speed_squared);
+    let closest = simd.mul_f32s(dot(simd, apart, relative), per_speed_squared);
     let closest = simd.neg_f32s(closest);
     // For a pair without a relative velocity these are no numbers, and nothing is rejected.
     let share = simd.mul_f32s(distance_squared, per_speed_squared);
@@ -307,18 +297,9 @@ fn cannot_meet_here<S: Simd>(
     let touch = simd.max_f32s(simd.sub_f32s(closest, before), zero);
     let mut miss = simd.greater_than_f32s(touch, simd.add_f32s(one, time_margin));
     // The contact lies between the two times.
-    let middles = [
-        simd.add_f32s(x, other_x),
-        simd.add_f32s(y, other_y),
-        simd.add_f32s(z, other_z),
-    ];
-    let drifts = [
-        simd.add_f32s(u, other_u),
-        simd.add_f32s(v, other_v),
-        simd.add_f32s(w, other_w),
-    ];
     for axis in 0..3 {
-        let (middle, drift) = (middles[axis], drifts[axis]);
+        let middle = simd.add_f32s(position[axis], other_position[axis]);
+        let drift = simd.add_f32s(velocity[axis], other_velocity[axis]);
         let least_margin = simd.splat_f32s(0.5 * limits.edges[axis] + limits.off_middle);
         let limit = simd.mul_add_e_f32s(time_margin, simd.abs_f32s(drift), least_margin);
         let at_touch = simd.mul_f32s(half, simd.mul_add_e_f32s(drift, touch, middle));
@@ -333,6 +314,25 @@ fn cannot_meet_here<S: Simd>(
 }
 
 #[inline(always)]
+fn difference<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> [S::f32s; 3] {
+    [
+        simd.sub_f32s(a[0], b[0]),
+        simd.sub_f32s(a[1], b[1]),
+        simd.sub_f32s(a[2], b[2]),
+    ]
+}
+
+/// Three numbers, each in all lanes.
+#[inline(always)]
+fn splat<S: Simd>(simd: S, a: &[f32; 3]) -> [S::f32s; 3] {
+    [
+        simd.splat_f32s(a[0]),
+        simd.splat_f32s(a[1]),
+        simd.splat_f32s(a[2]),
+    ]
+}
+
+#[inline(always)]
 fn dot<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> S::f32s {
     let sum = simd.mul_f32s(a[0], b[0]);
     let sum = simd.mul_add_e_f32s(a[1], b[1], sum);
@@ -344,22 +344,11 @@ fn dot<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> S::f32s {
 fn lines_touch<S: Simd>(
     simd: S,
     row: &Row,
-    [x, y, z, u, v, w]: [S::f32s; 6],
+    [position, velocity]: [[S::f32s; 3]; 2],
     minus_contact_squared: S::f32s,
 ) -> S::m32s {
-    let Row {
-        position, velocity, ..
-    } = row;
-    let apart = [
-        simd.sub_f32s(x, simd.splat_f32s(position[0])),
-        simd.sub_f32s(y, simd.splat_f32s(position[1])),
-        simd.sub_f32s(z, simd.splat_f32s(position[2])),
-    ];
-    let velocity = [
-        simd.sub_f32s(simd.splat_f32s(velocity[0]), u),
-        simd.sub_f32s(simd.splat_f32s(velocity[1]), v),
-        simd.sub_f32s(simd.splat_f32s(velocity[2]), w),
-    ];
+    let apart = difference(simd, position, splat(simd, &row.position));
+    let velocity = difference(simd, splat(simd, &row.velocity), velocity);
     // Positive if they approach.
     let approach = dot(simd, apart, velocity);
     let beyond = simd.mul_add_e_f32s(apart[0], apart[0], minus_contact_squared);
@@ -375,8 +364,8 @@ fn lines_touch<S: Simd>(
 #[inline(always)]
 fn lanes_of<S: Simd>(simd: S, mask: S::m32s) -> u64 {
     #[cfg(target_arch = "x86_64")]
-    if let Some(simd) = (&simd as &dyn Any).downcast_ref::<V3>() {
-        // Known when this is compiled: one instruction instead of eight.
+    if let Some(simd) = as_v3(simd) {
+        // One instruction instead of eight.
         let lanes = simd.avx._mm256_movemask_ps(bytemuck::cast(mask));
         return u64::from(lanes.cast_unsigned());
     }

@@ -16,7 +16,8 @@ use super::meeting::{self, Meeting};
 use super::paths::Gas;
 use super::pieces::{FIRST, Id, Line, NONE, Origin, Piece, Pieces};
 use super::scratch::Scratch;
-use super::sheet::{Row, Rows, Sheet};
+use super::sheet::Sheet;
+use super::shelves::{Images, Passers, Shelves, View};
 use crate::collision::{image_pair_time, pair_time};
 use crate::engine::contact;
 use crate::engine::image::{image_of, number_of, steps_of};
@@ -43,111 +44,6 @@ const MOST_FORESEEN: [usize; 2] = [1, 256];
 
 /// An entry that belongs into another region's cell.
 pub type Passage = (Entry, u32);
-
-/// Where pieces are found by their numbers.
-#[derive(Clone, Copy)]
-pub struct Shelves<'a> {
-    /// What all threads read.
-    pub gas: Gas<'a>,
-    /// The flights.
-    pub lines: &'a [Line],
-    /// The other pieces, by kind and region.
-    pub kinds: [&'a [Pieces]; 3],
-}
-
-/// Where pieces are found while one region adds to its own.
-#[derive(Clone, Copy)]
-struct View<'a> {
-    shelves: &'a Shelves<'a>,
-    /// Those of the region's own, and their kind.
-    own: Option<(usize, &'a Pieces)>,
-}
-
-impl<'a> View<'a> {
-    #[inline(always)]
-    fn pieces(&self, kind: usize, region: usize) -> &'a Pieces {
-        match self.own {
-            Some((own, pieces)) if own == kind => pieces,
-            _ => &self.shelves.kinds[kind][region],
-        }
-    }
-
-    #[inline(always)]
-    fn line(&self, id: Id) -> &'a Line {
-        match self.shelves.gas.numbering.piece(id) {
-            Piece::Flight(flight) => &self.shelves.lines[flight],
-            Piece::Other(kind, region, place) => &self.pieces(kind, region).lines[place],
-        }
-    }
-
-    /// A piece that belongs to a ball.
-    #[inline(always)]
-    fn trajectory(&self, id: Id, ball: u32) -> &'a Trajectory {
-        match self.shelves.gas.numbering.piece(id) {
-            Piece::Flight(_) => &self.shelves.gas.state.trajectories[ball as usize],
-            Piece::Other(kind, region, place) => &self.pieces(kind, region).trajectories[place],
-        }
-    }
-
-    #[inline(always)]
-    fn origin(&self, id: Id) -> Origin {
-        match self.shelves.gas.numbering.piece(id) {
-            Piece::Flight(_) | Piece::Other(FIRST, ..) => Origin::FLIGHT,
-            Piece::Other(kind, region, place) => self.pieces(kind, region).origins[place],
-        }
-    }
-
-    fn owner(&self, id: Id) -> Id {
-        match self.shelves.gas.numbering.piece(id) {
-            Piece::Flight(_) => id,
-            Piece::Other(..) => self.line(id).link,
-        }
-    }
-}
-
-/// The pieces that pass a cell of a container.
-struct Passers<'a> {
-    view: View<'a>,
-    entries: &'a [Entry],
-    /// The cell's centre.
-    origin: [f32; 3],
-}
-
-impl Rows for Passers<'_> {
-    #[inline(always)]
-    fn count(&self) -> usize {
-        self.entries.len()
-    }
-
-    #[inline(always)]
-    fn row(&self, number: usize) -> Row {
-        self.view.line(self.entries[number]).from(self.origin)
-    }
-}
-
-/// The pieces that pass a cell of a periodic box.
-struct Images<'a>(Passers<'a>);
-
-impl Rows for Images<'_> {
-    #[inline(always)]
-    fn count(&self) -> usize {
-        self.0.count()
-    }
-
-    #[inline(always)]
-    fn row(&self, number: usize) -> Row {
-        let Passers {
-            view,
-            entries,
-            origin,
-        } = self.0;
-        let entry = entries[number];
-        let grid = view.shelves.gas.grid;
-        let shift = grid.shift(image_of(entry)) * grid.scale;
-        let origin = std::array::from_fn(|axis| origin[axis] - shift[axis] as f32);
-        view.line(number_of(entry)).from(origin)
-    }
-}
 
 /// Two pieces that may meet in a cell, the one of the lower ball first.
 #[derive(Clone, Copy, Debug)]

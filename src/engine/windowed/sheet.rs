@@ -55,8 +55,7 @@ impl Block {
     #[inline(always)]
     fn turn_half<S: Simd>(&mut self, simd: S, first: usize, rows: [&Row; TURNED]) {
         #[cfg(target_arch = "x86_64")]
-        if let Some(&simd) = (&simd as &dyn Any).downcast_ref::<V3>() {
-            // Known when this is compiled.
+        if let Some(simd) = as_v3(simd) {
             for (column, values) in self.0.iter_mut().zip(turn_wide(simd, rows)) {
                 column[first..first + TURNED]
                     .copy_from_slice(&cast::<__m256, [f32; TURNED]>(values));
@@ -71,19 +70,30 @@ impl Block {
         }
     }
 
-    /// A vector of each column.
+    /// A vector of each column: the positions' and the velocities'.
     #[inline(always)]
-    pub fn vectors<S: Simd>(&self, _simd: S, vector: usize) -> [S::f32s; 6] {
+    pub fn vectors<S: Simd>(&self, _simd: S, vector: usize) -> [[S::f32s; 3]; 2] {
         let [x, y, z, u, v, w] = &self.0;
         [
-            S::as_simd_f32s(x).0[vector],
-            S::as_simd_f32s(y).0[vector],
-            S::as_simd_f32s(z).0[vector],
-            S::as_simd_f32s(u).0[vector],
-            S::as_simd_f32s(v).0[vector],
-            S::as_simd_f32s(w).0[vector],
+            [
+                S::as_simd_f32s(x).0[vector],
+                S::as_simd_f32s(y).0[vector],
+                S::as_simd_f32s(z).0[vector],
+            ],
+            [
+                S::as_simd_f32s(u).0[vector],
+                S::as_simd_f32s(v).0[vector],
+                S::as_simd_f32s(w).0[vector],
+            ],
         ]
     }
+}
+
+/// The machine, if its vectors are of eight; known when this is compiled.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub fn as_v3<S: Simd>(simd: S) -> Option<V3> {
+    (&simd as &dyn Any).downcast_ref::<V3>().copied()
 }
 
 /// The columns of rows: by pairs of rows, then by fours, then all eight.

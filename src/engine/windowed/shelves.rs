@@ -1,0 +1,118 @@
+//! Where a window's pieces are found by their numbers, one by one or those that pass a cell.
+
+use super::grid::Entry;
+use super::paths::Gas;
+use super::pieces::{FIRST, Id, Line, Origin, Piece, Pieces};
+use super::sheet::{Row, Rows};
+use crate::engine::image::{image_of, number_of};
+use crate::state::Trajectory;
+
+/// Where pieces are found by their numbers.
+#[derive(Clone, Copy)]
+pub struct Shelves<'a> {
+    /// What all threads read.
+    pub gas: Gas<'a>,
+    /// The flights.
+    pub lines: &'a [Line],
+    /// The other pieces, by kind and region.
+    pub kinds: [&'a [Pieces]; 3],
+}
+
+/// Where pieces are found while one region adds to its own.
+#[derive(Clone, Copy)]
+pub struct View<'a> {
+    pub shelves: &'a Shelves<'a>,
+    /// Those of the region's own, and their kind.
+    pub own: Option<(usize, &'a Pieces)>,
+}
+
+impl<'a> View<'a> {
+    #[inline(always)]
+    fn pieces(&self, kind: usize, region: usize) -> &'a Pieces {
+        match self.own {
+            Some((own, pieces)) if own == kind => pieces,
+            _ => &self.shelves.kinds[kind][region],
+        }
+    }
+
+    /// A piece as the filter sees it.
+    #[inline(always)]
+    pub fn line(&self, id: Id) -> &'a Line {
+        match self.shelves.gas.numbering.piece(id) {
+            Piece::Flight(flight) => &self.shelves.lines[flight],
+            Piece::Other(kind, region, place) => &self.pieces(kind, region).lines[place],
+        }
+    }
+
+    /// A piece that belongs to a ball.
+    #[inline(always)]
+    pub fn trajectory(&self, id: Id, ball: u32) -> &'a Trajectory {
+        match self.shelves.gas.numbering.piece(id) {
+            Piece::Flight(_) => &self.shelves.gas.state.trajectories[ball as usize],
+            Piece::Other(kind, region, place) => &self.pieces(kind, region).trajectories[place],
+        }
+    }
+
+    /// Where a piece comes from.
+    #[inline(always)]
+    pub fn origin(&self, id: Id) -> Origin {
+        match self.shelves.gas.numbering.piece(id) {
+            Piece::Flight(_) | Piece::Other(FIRST, ..) => Origin::FLIGHT,
+            Piece::Other(kind, region, place) => self.pieces(kind, region).origins[place],
+        }
+    }
+
+    /// The flight that a piece follows, or is.
+    pub fn owner(&self, id: Id) -> Id {
+        match self.shelves.gas.numbering.piece(id) {
+            Piece::Flight(_) => id,
+            Piece::Other(..) => self.line(id).link,
+        }
+    }
+}
+
+/// The pieces that pass a cell of a container.
+pub struct Passers<'a> {
+    /// Where they are found.
+    pub view: View<'a>,
+    /// The cell's list.
+    pub entries: &'a [Entry],
+    /// The cell's centre.
+    pub origin: [f32; 3],
+}
+
+impl Rows for Passers<'_> {
+    #[inline(always)]
+    fn count(&self) -> usize {
+        self.entries.len()
+    }
+
+    #[inline(always)]
+    fn row(&self, number: usize) -> Row {
+        self.view.line(self.entries[number]).from(self.origin)
+    }
+}
+
+/// The pieces that pass a cell of a periodic box.
+pub struct Images<'a>(pub Passers<'a>);
+
+impl Rows for Images<'_> {
+    #[inline(always)]
+    fn count(&self) -> usize {
+        self.0.count()
+    }
+
+    #[inline(always)]
+    fn row(&self, number: usize) -> Row {
+        let Passers {
+            view,
+            entries,
+            origin,
+        } = self.0;
+        let entry = entries[number];
+        let grid = view.shelves.gas.grid;
+        let shift = grid.shift(image_of(entry)) * grid.scale;
+        let origin = std::array::from_fn(|axis| origin[axis] - shift[axis] as f32);
+        view.line(number_of(entry)).from(origin)
+    }
+}

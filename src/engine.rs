@@ -14,6 +14,7 @@ pub mod reversible;
 pub mod statistical;
 pub mod step_clock;
 pub mod time_stepping;
+mod turn;
 pub mod windowed;
 
 /// What moves a gas forward in time: a function of its state, which alone decides what comes next.

@@ -24,6 +24,15 @@ fn periodic(mut gas: Placement) -> Placement {
     gas
 }
 
+/// All balls in the lowest third, from where they spread.
+fn crowded(mut gas: Placement) -> Placement {
+    let floor = -gas.domain.half_size.z;
+    for position in &mut gas.positions {
+        position.z = floor + (position.z - floor) / 3.0;
+    }
+    gas
+}
+
 fn run(engine: &mut Statistical, observer: &mut Observer, until: f64) {
     let until = engine.state().units.instant(until);
     engine
@@ -37,7 +46,7 @@ fn end(gas: &Placement, threads: usize, slices: u32, one_by_one: bool) -> u64 {
     let mut engine = Statistical::with_threads(State::new(gas), USUAL, 7, threads);
     let mut observer = Observer::new(engine.state());
     for slice in 1..=slices {
-        let until = 3.0 * MEAN_FREE_TIME * f64::from(slice) / f64::from(slices);
+        let until = 5.0 * MEAN_FREE_TIME * f64::from(slice) / f64::from(slices);
         if one_by_one {
             let until = engine.state().units.instant(until);
             engine
@@ -53,7 +62,7 @@ fn end(gas: &Placement, threads: usize, slices: u32, one_by_one: bool) -> u64 {
 
 #[test]
 fn threads_slices_and_the_way_of_reporting_change_no_bit() {
-    for gas in [dilute(), periodic(dilute())] {
+    for gas in [dilute(), periodic(dilute()), crowded(dilute())] {
         let expected = end(&gas, 1, 1, false);
         assert_eq!(end(&gas, 2, 1, false), expected);
         assert_eq!(end(&gas, 5, 7, false), expected);

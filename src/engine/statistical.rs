@@ -16,24 +16,33 @@
 
 mod bins;
 mod cells;
+mod columns;
+mod flight;
 mod law;
 mod plan;
 mod random;
 mod round;
+mod stock;
+
+use std::ops::Range;
 
 use glam::{DVec3, IVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::engine::step_clock::StepClock;
 use crate::engine::{self, Counters, Engine, Report, Stuck, Sums};
-use crate::event::{Collision, Wall};
+use crate::event::Collision;
 use crate::state::{State, Time, Trajectory};
-use bins::{Bins, MOST_BALLS, Record};
+use bins::{MOST_BALLS, Record};
 pub use plan::{DENSE, Errors, Plan, Refusal};
-use round::{Instant, Rules, Share, Tally};
+use round::{Instant, Notes, Rules, Share, Tally};
+use stock::Stock;
 
 /// Fewest balls for which a thread is worth starting.
 const BALLS_PER_THREAD: usize = 20_000;
+
+/// Steps after which the balls are shared out among the threads anew, if need be.
+const STEPS_PER_SHARING: u64 = 16;
 
 /// Fewest balls of a cell, on average: with fewer, the same two meet again too often.
 const FEWEST_PER_CELL: f64 = 20.0;
@@ -68,9 +77,6 @@ pub const CAREFUL: Resolution = Resolution {
     cell: 1.0 / 6.0,
 };
 
-/// What a share of a step has noted one by one: who left a periodic box through which face, and collisions.
-type Notes = (Vec<(u32, Wall)>, Vec<Collision>);
-
 /// The statistical engine.
 #[derive(Clone, Debug)]
 pub struct Statistical {
@@ -79,10 +85,8 @@ pub struct Statistical {
     rules: Rules,
     /// Ends of half steps; collisions happen at the odd ones.
     clock: StepClock,
-    /// Where the balls are at the next collisions, for each thread those that it has put there.
-    bins: Vec<Bins>,
-    /// The bins of the step before, to be used again.
-    spare: Vec<Bins>,
+    /// Where the balls are at the next collisions.
+    stock: Stock,
     /// In a periodic box: how many boxes each ball will have moved on by the next collisions.
     images: Vec<IVec3>,
     /// For each cell, what no pair's relative speed times section was above so far.
@@ -158,12 +162,14 @@ impl Statistical {
         let step = resolution.step * free.time;
         let rules = Rules::new(&state, mixture, cells, (resolution.step, step), seed);
         let threads = threads.clamp(1, cells.dimensions[2]);
-        let room = state.ball_count() / threads;
-        let bins = vec![Bins::new(cells.count(), room); threads];
         let mut engine = Self {
             clock: StepClock::new(0.5 * step, state.now),
-            spare: bins.clone(),
-            bins,
+            stock: Stock::new(
+                cells.dimensions[2],
+                cells.per_plane(),
+                threads,
+                state.ball_count(),
+            ),
             images: state.images.clone(),
             majorants: vec![rules.floor; cells.count()],
             tallies: vec![Tally::default(); cells.dimensions[2]],
@@ -185,17 +191,17 @@ impl Statistical {
         let worth_it = (state.ball_count() / BALLS_PER_THREAD).max(1);
         let cells = saved.rules.cells;
         let threads = threads.min(worth_it).clamp(1, cells.dimensions[2]);
-        let mut bins = vec![Bins::new(cells.count(), state.ball_count() / threads); threads];
+        let (planes, per_plane) = (cells.dimensions[2], cells.per_plane());
+        let mut stock = Stock::new(planes, per_plane, threads, state.ball_count());
         let mut records = saved.records.into_iter();
         for (cell, &count) in saved.counts.iter().enumerate() {
             for record in records.by_ref().take(count as usize) {
-                *bins[0].slot(cell) = record;
+                stock.put(cell, record.into());
             }
         }
         Self {
             clock: saved.clock,
-            spare: bins.clone(),
-            bins,
+            stock,
             images: saved.images,
             majorants: saved.majorants,
             tallies: vec![Tally::default(); cells.dimensions[2]],
@@ -221,37 +227,18 @@ impl Statistical {
         let record = |(ball, flight): (usize, &Trajectory)| {
             Record::new(ball, flight.position_at(now.time), flight.velocity)
         };
-        let mut balls: Vec<Record> = self
-            .state
-            .trajectories
-            .iter()
-            .enumerate()
-            .map(record)
-            .collect();
-        self.bins.iter_mut().for_each(Bins::clear);
+        let flights = self.state.trajectories.iter().enumerate();
+        let balls: Vec<Record> = flights.map(record).collect();
+        self.stock.clear();
         self.images.clone_from(&self.state.images);
-        let mut tally = Tally::default();
-        let mut share = Share {
-            planes: 0..0,
-            tallies: &mut [],
-            majorants: &mut [],
-            bins: &mut self.bins[0],
-            cells: Vec::new(),
-            faces: Vec::new(),
-            collisions: Vec::new(),
-        };
-        round::fly::<true, false>(
+        let (notes, tally) = round::put(
             &self.rules,
             &self.state.bodies,
-            &mut balls,
+            &balls,
             now,
-            &mut tally,
-            &mut share,
+            &mut self.stock,
         );
-        let Share {
-            faces, collisions, ..
-        } = share;
-        self.keep(vec![(faces, collisions)]);
+        self.keep(vec![notes]);
         self.count(now.time, &[tally]);
     }
 
@@ -262,7 +249,10 @@ impl Statistical {
             time: self.clock.next_end(),
             flight: self.rules.step,
         };
-        let planes = self.share_out();
+        if self.counters.steps.is_multiple_of(STEPS_PER_SHARING) {
+            let balls: Vec<u64> = self.tallies.iter().map(|tally| tally.balls).collect();
+            self.stock.share_out(&balls);
+        }
         let alike = self.state.bodies.uniform().is_some();
         let work = match (each, alike) {
             (false, true) => round::run::<false, true>,
@@ -270,14 +260,21 @@ impl Statistical {
             (true, true) => round::run::<true, true>,
             (true, false) => round::run::<true, false>,
         };
-        std::mem::swap(&mut self.bins, &mut self.spare);
-        let (rules, bodies, old) = (&self.rules, &self.state.bodies, &self.spare[..]);
+        let planes: Vec<Range<usize>> = self.stock.planes().collect();
+        let Stock {
+            own, sent, spare, ..
+        } = &mut self.stock;
+        std::mem::swap(sent, spare);
+        let (rules, bodies, old) = (&self.rules, &self.state.bodies, &spare[..]);
         let per_plane = rules.cells.per_plane();
         let (mut tallies, mut majorants) = (&mut self.tallies[..], &mut self.majorants[..]);
         let mut shares: Vec<Share> = Vec::new();
-        for (planes, bins) in planes.into_iter().zip(&mut self.bins) {
-            bins.clear();
+        let bins = own.iter_mut().zip(sent);
+        for (number, (planes, (own, sent))) in planes.into_iter().zip(bins).enumerate() {
+            own.turn_over();
+            sent.clear();
             shares.push(Share {
+                number,
                 tallies: tallies
                     .split_off_mut(..planes.len())
                     .expect("all planes are shared out"),
@@ -285,10 +282,9 @@ impl Statistical {
                     .split_off_mut(..planes.len() * per_plane)
                     .expect("all planes are shared out"),
                 planes,
-                bins,
-                cells: Vec::new(),
-                faces: Vec::new(),
-                collisions: Vec::new(),
+                own,
+                sent,
+                notes: Notes::default(),
             });
         }
         std::thread::scope(|scope| {
@@ -301,10 +297,7 @@ impl Statistical {
                 work(rules, bodies, old, now, share);
             }
         });
-        let done = shares
-            .into_iter()
-            .map(|share| (share.faces, share.collisions))
-            .collect();
+        let done = shares.into_iter().map(|share| share.notes).collect();
         self.keep(done);
         self.clock.tick();
         self.clock.tick();
@@ -350,30 +343,6 @@ impl Statistical {
             end: begin,
             ..Sums::default()
         };
-    }
-
-    /// Cuts the planes of cells into a stretch for each thread, with about as many balls each.
-    fn share_out(&self) -> Vec<std::ops::Range<usize>> {
-        let threads = self.bins.len();
-        let known: u64 = self.tallies.iter().map(|tally| tally.balls).sum();
-        let mut cuts = vec![0];
-        let mut balls = 0;
-        for (plane, tally) in self.tallies.iter().enumerate() {
-            // Before the first step, each plane counts as one ball.
-            balls += if known == 0 { 1 } else { tally.balls };
-            let all = if known == 0 {
-                self.tallies.len() as u64
-            } else {
-                known
-            };
-            let (cut, left) = (cuts.len() as u64, self.tallies.len() - plane - 1);
-            let full = balls * threads as u64 >= cut * all || left <= threads - cuts.len();
-            if full && cuts.len() < threads && left > 0 {
-                cuts.push(plane + 1);
-            }
-        }
-        cuts.push(self.tallies.len());
-        cuts.windows(2).map(|cut| cut[0]..cut[1]).collect()
     }
 
     fn go(&mut self, until: Time, each: bool, report: &mut dyn FnMut(Report)) {
@@ -455,31 +424,29 @@ impl Engine for Statistical {
         let Self {
             state,
             rules,
-            bins,
+            stock,
             clock,
             images,
             ..
         } = self;
         let ahead = clock.next_end().since(state.now);
-        for bins in bins {
-            bins.for_each_mut(|record| {
-                let ball = record.ball as usize;
-                let [position, velocity] =
-                    [record.position, record.velocity].map(|v| DVec3::from_array(v.map(f64::from)));
-                // Backwards in time is forwards with the velocity turned round, and turned round again.
-                let (position, velocity, boxes) =
-                    rules.flown(position, -velocity, ahead, &state.bodies.of(ball));
-                if let Some(image) = images.get(ball) {
-                    state.images[ball] = *image + boxes;
-                }
-                state.trajectories[ball] = Trajectory {
-                    position,
-                    velocity: -velocity,
-                    begin: state.now,
-                };
-                state.collisions[ball] += u64::from(std::mem::take(&mut record.collisions));
-            });
-        }
+        stock.for_each_mut(|record| {
+            let ball = record.ball as usize;
+            let [position, velocity] =
+                [record.position, record.velocity].map(|v| DVec3::from_array(v.map(f64::from)));
+            // Backwards in time is forwards with the velocity turned round, and turned round again.
+            let (position, velocity, boxes) =
+                rules.flown(position, -velocity, ahead, &state.bodies.of(ball));
+            if let Some(image) = images.get(ball) {
+                state.images[ball] = *image + boxes;
+            }
+            state.trajectories[ball] = Trajectory {
+                position,
+                velocity: -velocity,
+                begin: state.now,
+            };
+            state.collisions[ball] += u64::from(std::mem::take(&mut record.collisions));
+        });
     }
 
     fn reverse(&mut self) {
@@ -492,10 +459,8 @@ impl Engine for Statistical {
         let (mut records, mut counts) = (Vec::with_capacity(self.state.ball_count()), Vec::new());
         for cell in 0..self.rules.cells.count() {
             let before = records.len();
-            for bins in &self.bins {
-                bins.of(cell)
-                    .for_each(|stretch| records.extend_from_slice(stretch));
-            }
+            let rows = self.stock.of(cell).flatten();
+            records.extend(rows.map(|&row| Record::from(row)));
             counts.push((records.len() - before) as u32);
         }
         engine::Saved::Statistical(Box::new(Saved {

@@ -3,18 +3,22 @@
 use std::ops::Range;
 
 use glam::{DVec3, IVec3};
+use pulp::{Arch, Scalar, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
-use super::bins::{Bins, Record};
+use super::bins::{Bins, Record, Row};
 use super::cells::Cells;
+use super::columns::Columns;
+use super::flight::Flight;
 use super::law::{Mixture, section};
 use super::random::{Draws, key};
+use super::stock::Stock;
 use crate::domain::Boundary;
 use crate::event::{Collision, Participants, Wall};
 use crate::state::{Bodies, Body, State, Time};
 
-/// Instead of a cell: beyond a wall or face.
-const OUTSIDE: u32 = u32::MAX;
+/// How many cells before its turn the memory of the balls of one is asked for.
+const CELLS_AHEAD: usize = 2;
 
 /// What does not change from step to step.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -34,7 +38,7 @@ pub struct Rules {
     /// Least majorant of the relative speed, times the section over the largest.
     pub floor: f32,
     /// How far the centre of the largest ball gets from the middle.
-    nearest: [f32; 3],
+    pub nearest: [f32; 3],
     /// Largest product of cross section and contact value.
     largest_section: f64,
 }
@@ -133,19 +137,22 @@ pub struct Tally {
     pub wall_impulse: f64,
 }
 
+/// What was noted one by one: who left a periodic box through which face, and collisions.
+pub type Notes = (Vec<(u32, Wall)>, Vec<Collision>);
+
 /// One thread's share of a step.
 pub struct Share<'a> {
+    /// Which thread it is.
+    pub number: usize,
     pub planes: Range<usize>,
     pub tallies: &'a mut [Tally],
     pub majorants: &'a mut [f32],
-    /// Where the balls fly to.
-    pub bins: &'a mut Bins,
-    /// Where to work out the cells that the balls of one fly to.
-    pub cells: Vec<u32>,
-    /// In a periodic box: who left through which face.
-    pub faces: Vec<(u32, Wall)>,
-    /// What happened, one by one, if it is asked for.
-    pub collisions: Vec<Collision>,
+    /// The balls in its planes, and where those that fly to them are put.
+    pub own: &'a mut Bins,
+    /// Where those are put that fly to others'.
+    pub sent: &'a mut Bins,
+    /// What happened, as far as it is noted.
+    pub notes: Notes,
 }
 
 /// When a step's collisions are, and what their draws depend on.
@@ -157,39 +164,115 @@ pub struct Instant {
     pub flight: f64,
 }
 
-/// Runs a share of the step. `EACH` keeps every collision, `ALIKE` is for balls of one radius and mass.
+/// Runs a share of the step, given what all have sent in the step before. `EACH` keeps every collision, `ALIKE` is for balls of
+/// one radius and mass.
 pub fn run<const EACH: bool, const ALIKE: bool>(
     rules: &Rules,
     bodies: &Bodies,
-    old: &[Bins],
+    sent: &[Bins],
     now: Instant,
     share: &mut Share,
 ) {
-    let key = key(rules.seed, now.number);
-    let per_plane = rules.cells.per_plane();
-    let first = share.planes.start * per_plane;
-    let mut balls: Vec<Record> = Vec::new();
-    for plane in share.planes.clone() {
-        let mut tally = Tally::default();
-        for cell in plane * per_plane..(plane + 1) * per_plane {
-            balls.clear();
-            for bins in old {
-                bins.of(cell)
-                    .for_each(|stretch| balls.extend_from_slice(stretch));
+    Arch::new().dispatch(Round::<EACH, ALIKE> {
+        rules,
+        bodies,
+        sent,
+        now,
+        share,
+    });
+}
+
+/// A share of a step.
+struct Round<'a, 's, const EACH: bool, const ALIKE: bool> {
+    rules: &'a Rules,
+    bodies: &'a Bodies,
+    sent: &'a [Bins],
+    now: Instant,
+    share: &'a mut Share<'s>,
+}
+
+impl<const EACH: bool, const ALIKE: bool> WithSimd for Round<'_, '_, EACH, ALIKE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self {
+            rules,
+            bodies,
+            sent,
+            now,
+            share,
+        } = self;
+        let key = key(rules.seed, now.number);
+        let per_plane = rules.cells.per_plane();
+        let own = share.planes.start * per_plane..share.planes.end * per_plane;
+        let (lower, upper) = (&sent[..share.number], &sent[share.number + 1..]);
+        let mut flight = Flight::<EACH, ALIKE>::new(rules, bodies, now);
+        let mut balls = Columns::default();
+        for plane in share.planes.clone() {
+            let mut tally = Tally::default();
+            for cell in plane * per_plane..(plane + 1) * per_plane {
+                if cell + CELLS_AHEAD < own.end {
+                    share.own.read_ahead(cell + CELLS_AHEAD);
+                }
+                balls.fill(simd, |balls| {
+                    for stretch in lower.iter().flat_map(|bins| bins.of(cell)) {
+                        balls.extend_from_slice(stretch);
+                    }
+                    share.own.take(cell, balls);
+                    for stretch in upper.iter().flat_map(|bins| bins.of(cell)) {
+                        balls.extend_from_slice(stretch);
+                    }
+                });
+                tally.balls += balls.count() as u64;
+                let majorant = &mut share.majorants[cell - own.start];
+                let meetings = Meetings {
+                    rules,
+                    bodies,
+                    now,
+                    each: EACH.then_some(&mut flight.collisions),
+                };
+                meetings.run::<ALIKE>(&mut balls, majorant, Draws::new(key, cell), &mut tally);
+                flight.fly(&mut balls);
+                flight.land(simd, &balls, &mut tally, |rows, cells| {
+                    let mut inside = share.own.writer(rows.len());
+                    let mut outside = share.sent.writer(rows.len());
+                    for (&row, &cell) in rows.iter().zip(cells) {
+                        if own.contains(&(cell as usize)) {
+                            inside.put(cell as usize, row);
+                        } else {
+                            outside.put(cell as usize, row);
+                        }
+                    }
+                });
             }
-            tally.balls += balls.len() as u64;
-            let majorant = &mut share.majorants[cell - first];
-            let meetings = Meetings {
-                rules,
-                bodies,
-                now,
-                each: EACH.then_some(&mut share.collisions),
-            };
-            meetings.run::<ALIKE>(&mut balls, majorant, Draws::new(key, cell), &mut tally);
-            fly::<EACH, ALIKE>(rules, bodies, &mut balls, now, &mut tally, share);
+            share.tallies[plane - share.planes.start] = tally;
         }
-        share.tallies[plane - share.planes.start] = tally;
+        share.notes = flight.notes();
     }
+}
+
+/// Puts balls into bins after a flight; gives what was noted on it.
+pub fn put(
+    rules: &Rules,
+    bodies: &Bodies,
+    balls: &[Record],
+    now: Instant,
+    stock: &mut Stock,
+) -> (Notes, Tally) {
+    let simd = Scalar::new();
+    let mut tally = Tally::default();
+    let mut flight = Flight::<true, false>::new(rules, bodies, now);
+    let mut columns = Columns::default();
+    let rows = balls.iter().map(|&record| Row::from(record));
+    columns.fill(simd, |all| all.extend(rows));
+    flight.fly(&mut columns);
+    flight.land(simd, &columns, &mut tally, |rows, cells| {
+        for (&row, &cell) in rows.iter().zip(cells) {
+            stock.put(cell as usize, row);
+        }
+    });
+    (flight.notes(), tally)
 }
 
 /// The collisions of a cell: as many tries as its fastest pair could need, each accepted by what the pair does need.
@@ -206,12 +289,12 @@ impl Meetings<'_> {
     #[inline(always)]
     fn run<const ALIKE: bool>(
         mut self,
-        balls: &mut [Record],
+        balls: &mut Columns,
         majorant: &mut f32,
         mut draws: Draws,
         tally: &mut Tally,
     ) {
-        let count = balls.len();
+        let count = balls.count();
         if count < 2 {
             return;
         }
@@ -223,15 +306,16 @@ impl Meetings<'_> {
         let mut largest = limit;
         for _ in 0..tries {
             let (first, second, share) = draws.pair(count);
-            let (a, b) = (&balls[first], &balls[second]);
-            let velocity = [0, 1, 2].map(|axis| a.velocity[axis] - b.velocity[axis]);
+            let (a, b) = (balls.velocity(first), balls.velocity(second));
+            let velocity = [0, 1, 2].map(|axis| a[axis] - b[axis]);
             let square =
                 velocity[0] * velocity[0] + velocity[1] * velocity[1] + velocity[2] * velocity[2];
             let need = if ALIKE {
                 square
             } else {
-                let section = rules
-                    .relative_section([a, b].map(|record| self.bodies.of(record.ball as usize)));
+                let section = rules.relative_section(
+                    [first, second].map(|one| self.bodies.of(balls.ball(one) as usize)),
+                );
                 section * section * square
             };
             // The majorant grows for the next step only: within this one it would favour the tries before.
@@ -243,7 +327,7 @@ impl Meetings<'_> {
                 let bodies = if ALIKE {
                     [body; 2]
                 } else {
-                    [a, b].map(|record| self.bodies.of(record.ball as usize))
+                    [first, second].map(|one| self.bodies.of(balls.ball(one) as usize))
                 };
                 self.collide([first, second], bodies, balls, &mut draws, tally);
             }
@@ -255,17 +339,17 @@ impl Meetings<'_> {
     ///
     /// Source: Alexander, Garcia & Alder, Phys. Rev. Lett. 74, 5212 (1995): the way that momentum leaps between the centres
     /// of balls that touch, without which the pressure would be that of points. For unequal masses the centre of mass stays.
-    #[inline]
+    #[inline(always)]
     fn collide(
         &mut self,
         pair: [usize; 2],
         bodies: [Body; 2],
-        balls: &mut [Record],
+        balls: &mut Columns,
         draws: &mut Draws,
         tally: &mut Tally,
     ) {
         let wide = |vector: [f32; 3]| DVec3::from_array(vector.map(f64::from));
-        let before = pair.map(|place| wide(balls[place].velocity));
+        let before = pair.map(|place| wide(balls.velocity(place)));
         let mass = bodies[0].mass + bodies[1].mass;
         let shares = [bodies[1].mass / mass, bodies[0].mass / mass];
         let relative = before[0] - before[1];
@@ -285,30 +369,27 @@ impl Meetings<'_> {
         tally.pair_virial += virial;
         let mut jump = 0.0;
         for one in [0, 1] {
-            let record = &mut balls[pair[one]];
             let moved = if one == 0 {
                 line * (way * shares[0])
             } else {
                 -line * (way * shares[1])
             };
-            let from = wide(record.position);
-            record.position = (from + moved).as_vec3().to_array();
+            let from = wide(balls.position(pair[one]));
+            let mut to = (from + moved).as_vec3().to_array();
             if self.rules.boundary == Boundary::Container {
                 // Centres stay between the walls.
                 let limits = self.rules.limits(&bodies[one]);
-                (0..3).for_each(|axis| {
-                    record.position[axis] = record.position[axis].clamp(-limits[axis], limits[axis])
-                });
+                (0..3).for_each(|axis| to[axis] = to[axis].clamp(-limits[axis], limits[axis]));
             }
-            record.velocity = after[one].as_vec3().to_array();
-            record.collisions += 1;
+            let velocity = after[one].as_vec3().to_array();
+            balls.collide(pair[one], to, velocity);
             if self.each.is_some() {
-                jump += bodies[one].mass
-                    * (wide(record.position).dot(wide(record.velocity)) - from.dot(before[one]));
+                jump += bodies[one].mass * (wide(to).dot(wide(velocity)) - from.dot(before[one]));
             }
         }
         if let Some(collisions) = &mut self.each {
-            let [low, high] = if balls[pair[0]].ball < balls[pair[1]].ball {
+            let numbers = pair.map(|place| balls.ball(place));
+            let [low, high] = if numbers[0] < numbers[1] {
                 [0, 1]
             } else {
                 [1, 0]
@@ -316,141 +397,13 @@ impl Meetings<'_> {
             let impulse = (after[low] - before[low]) * bodies[low].mass;
             collisions.push(Collision {
                 time: self.now.time,
-                participants: Participants::Pair(balls[pair[low]].ball, balls[pair[high]].ball),
+                participants: Participants::Pair(numbers[low], numbers[high]),
                 impulse,
                 external: DVec3::ZERO,
                 virial,
                 radial_jump: jump,
                 gap: f64::NAN,
             });
-        }
-    }
-}
-
-/// Every ball flies for a step, turns back at walls or goes through faces, and is put into the bin of its new cell.
-#[inline(always)]
-pub fn fly<const EACH: bool, const ALIKE: bool>(
-    rules: &Rules,
-    bodies: &Bodies,
-    balls: &mut [Record],
-    now: Instant,
-    tally: &mut Tally,
-    share: &mut Share,
-) {
-    let step = now.flight as f32;
-    let [limit_x, limit_y, limit_z] = rules.nearest;
-    // First all places and cells, then all walls and bins: the second loop waits for memory, the first must not wait with it
-    // (1.6 times as fast, measured).
-    share.cells.clear();
-    share.cells.extend(balls.iter_mut().map(|record| {
-        let [x, y, z] = [0, 1, 2].map(|axis| record.position[axis] + record.velocity[axis] * step);
-        record.position = [x, y, z];
-        let cell = rules.cells.of([x, y, z]);
-        let inside = (x.abs() <= limit_x) & (y.abs() <= limit_y) & (z.abs() <= limit_z);
-        if inside { cell } else { OUTSIDE }
-    }));
-    for (place, record) in balls.iter_mut().enumerate() {
-        let mut cell = share.cells[place];
-        if cell == OUTSIDE {
-            if rules.boundary == Boundary::Container {
-                let body = if ALIKE {
-                    bodies.kinds()[0]
-                } else {
-                    bodies.of(record.ball as usize)
-                };
-                turn_back::<EACH>(rules, body, record, now, tally, &mut share.collisions);
-            } else {
-                wrap::<EACH>(rules, bodies, record, now, share);
-            }
-            cell = rules.cells.of(record.position);
-        }
-        *share.bins.slot(cell as usize) = *record;
-    }
-}
-
-/// A ball that has flown through walls is where they have sent it.
-#[inline(never)]
-fn turn_back<const EACH: bool>(
-    rules: &Rules,
-    body: Body,
-    record: &mut Record,
-    now: Instant,
-    tally: &mut Tally,
-    collisions: &mut Vec<Collision>,
-) {
-    let begin = collisions.len();
-    for axis in 0..3 {
-        let limit = rules.limits(&body)[axis];
-        while record.position[axis].abs() > limit {
-            let place = record.position[axis];
-            let velocity = record.velocity[axis];
-            let impulse = -2.0 * body.mass * f64::from(velocity);
-            record.position[axis] = 2.0_f32.copysign(place) * limit - place;
-            record.velocity[axis] = -velocity;
-            record.collisions += 1;
-            tally.wall_collisions += 1;
-            tally.wall_impulse += impulse.abs();
-            if EACH {
-                let since = f64::from((place.abs() - limit) / velocity.abs());
-                let received = DVec3::AXES[axis] * impulse;
-                let virial = f64::from(limit.copysign(place)) * impulse;
-                let upper = place > 0.0;
-                collisions.push(Collision {
-                    time: now
-                        .time
-                        .after((now.flight - since).max(0.0))
-                        .expect("a step is no longer than a run"),
-                    participants: Participants::Wall(record.ball, Wall { axis, upper }),
-                    impulse: received,
-                    external: received,
-                    virial,
-                    radial_jump: virial,
-                    gap: 0.0,
-                });
-            }
-        }
-    }
-    if EACH {
-        collisions[begin..].sort_by(|a, b| a.time.partial_cmp(&b.time).expect("times are numbers"));
-    }
-}
-
-/// A ball that has left a periodic box comes in at the opposite face.
-#[inline(never)]
-fn wrap<const EACH: bool>(
-    rules: &Rules,
-    bodies: &Bodies,
-    record: &mut Record,
-    now: Instant,
-    share: &mut Share,
-) {
-    for axis in 0..3 {
-        let half = rules.nearest[axis];
-        while record.position[axis].abs() > half {
-            let upper = record.position[axis] > 0.0;
-            let edge = if upper { -2.0 * half } else { 2.0 * half };
-            let before = record.position[axis];
-            let since = f64::from((before.abs() - half) / record.velocity[axis].abs());
-            record.position[axis] += edge;
-            let face = Wall { axis, upper };
-            share.faces.push((record.ball, face));
-            if EACH {
-                let momentum =
-                    bodies.of(record.ball as usize).mass * f64::from(record.velocity[axis]);
-                let moved = f64::from(record.position[axis]) - f64::from(before);
-                share.collisions.push(Collision {
-                    time: now
-                        .time
-                        .after((now.flight - since).max(0.0))
-                        .expect("a step is no longer than a run"),
-                    participants: Participants::Face(record.ball, face),
-                    impulse: DVec3::ZERO,
-                    external: DVec3::ZERO,
-                    virial: 0.0,
-                    radial_jump: momentum * moved,
-                    gap: 0.0,
-                });
-            }
         }
     }
 }

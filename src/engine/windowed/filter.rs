@@ -8,9 +8,9 @@
 
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
-#[cfg(target_arch = "x86_64")]
-use super::sheet::as_v3;
 use super::sheet::{Block, LANES, Row, Rows, Sheet};
+#[cfg(target_arch = "x86_64")]
+use crate::engine::turn::as_v3;
 
 /// Share of `|r|^2 |v|^2` by which f32 rounding can change `(r . v)^2 - |v|^2 |r|^2`: some twenty roundings of 2^-24 each at
 /// the most, with a margin.

@@ -1,19 +1,12 @@
 //! The pieces that pass a cell, as the filter reads them: by rows, and as columns that it takes many at a time.
 
-#[cfg(target_arch = "x86_64")]
-use std::{any::Any, arch::x86_64::__m256};
-
 use pulp::Simd;
-#[cfg(target_arch = "x86_64")]
-use pulp::{cast, x86::V3};
 
 use super::pieces::Line;
+use crate::engine::turn::{SIDE, turn};
 
 /// Rows of a block: a multiple of the widest vectors.
 pub const LANES: usize = 16;
-
-/// Rows that are turned into columns at once.
-const TURNED: usize = 8;
 
 /// A coordinate that nothing comes near to, whose square still is a number.
 const FAR: f32 = 1e15;
@@ -47,25 +40,10 @@ impl Block {
     /// Fills it from rows.
     #[inline(always)]
     pub fn turn<S: Simd>(&mut self, simd: S, rows: [&Row; LANES]) {
-        let (first, second) = rows.split_at(TURNED);
-        self.turn_half(simd, 0, first.try_into().expect("a half"));
-        self.turn_half(simd, TURNED, second.try_into().expect("a half"));
-    }
-
-    #[inline(always)]
-    fn turn_half<S: Simd>(&mut self, simd: S, first: usize, rows: [&Row; TURNED]) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = as_v3(simd) {
-            for (column, values) in self.0.iter_mut().zip(turn_wide(simd, rows)) {
-                column[first..first + TURNED]
-                    .copy_from_slice(&cast::<__m256, [f32; TURNED]>(values));
-            }
-            return;
-        }
-        for (row, lane) in rows.into_iter().zip(first..) {
-            for axis in 0..3 {
-                self.0[axis][lane] = row.position[axis];
-                self.0[3 + axis][lane] = row.velocity[axis];
+        for (number, rows) in rows.as_chunks::<SIDE>().0.iter().enumerate() {
+            let columns = turn(simd, rows.map(numbers));
+            for (column, values) in self.0.iter_mut().zip(columns) {
+                column[number * SIDE..][..SIDE].copy_from_slice(&values);
             }
         }
     }
@@ -89,70 +67,12 @@ impl Block {
     }
 }
 
-/// The machine, if its vectors are of eight; known when this is compiled.
-#[cfg(target_arch = "x86_64")]
+/// A row's numbers, side by side.
 #[inline(always)]
-pub fn as_v3<S: Simd>(simd: S) -> Option<V3> {
-    (&simd as &dyn Any).downcast_ref::<V3>().copied()
-}
-
-/// The columns of rows: by pairs of rows, then by fours, then all eight.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-fn turn_wide(V3 { avx, .. }: V3, rows: [&Row; TURNED]) -> [__m256; 6] {
-    const FIRST: i32 = 0b01_00_01_00;
-    const SECOND: i32 = 0b11_10_11_10;
-    const LOWER: i32 = 0x20;
-    const UPPER: i32 = 0x31;
-    let [a, b, c, d, e, f, g, h] = rows;
-    let [a, b, c, d] = [wide(a), wide(b), wide(c), wide(d)];
-    let [e, f, g, h] = [wide(e), wide(f), wide(g), wide(h)];
-    let low = [
-        avx._mm256_unpacklo_ps(a, b),
-        avx._mm256_unpacklo_ps(c, d),
-        avx._mm256_unpacklo_ps(e, f),
-        avx._mm256_unpacklo_ps(g, h),
-    ];
-    let high = [
-        avx._mm256_unpackhi_ps(a, b),
-        avx._mm256_unpackhi_ps(c, d),
-        avx._mm256_unpackhi_ps(e, f),
-        avx._mm256_unpackhi_ps(g, h),
-    ];
-    // Each with what it has of a column and of the fourth one after it.
-    let x = [
-        avx._mm256_shuffle_ps::<FIRST>(low[0], low[1]),
-        avx._mm256_shuffle_ps::<FIRST>(low[2], low[3]),
-    ];
-    let y = [
-        avx._mm256_shuffle_ps::<SECOND>(low[0], low[1]),
-        avx._mm256_shuffle_ps::<SECOND>(low[2], low[3]),
-    ];
-    let z = [
-        avx._mm256_shuffle_ps::<FIRST>(high[0], high[1]),
-        avx._mm256_shuffle_ps::<FIRST>(high[2], high[3]),
-    ];
-    let u = [
-        avx._mm256_shuffle_ps::<SECOND>(high[0], high[1]),
-        avx._mm256_shuffle_ps::<SECOND>(high[2], high[3]),
-    ];
-    [
-        avx._mm256_permute2f128_ps::<LOWER>(x[0], x[1]),
-        avx._mm256_permute2f128_ps::<LOWER>(y[0], y[1]),
-        avx._mm256_permute2f128_ps::<LOWER>(z[0], z[1]),
-        avx._mm256_permute2f128_ps::<LOWER>(u[0], u[1]),
-        avx._mm256_permute2f128_ps::<UPPER>(x[0], x[1]),
-        avx._mm256_permute2f128_ps::<UPPER>(y[0], y[1]),
-    ]
-}
-
-/// A row as a vector.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-fn wide(row: &Row) -> __m256 {
+fn numbers(row: &Row) -> [f32; SIDE] {
     let ([x, y, z], [u, v, w]) = (row.position, row.velocity);
     let [ball, link] = [f32::from_bits(row.ball), f32::from_bits(row.link)];
-    cast([x, y, z, u, v, w, ball, link])
+    [x, y, z, u, v, w, ball, link]
 }
 
 /// The pieces of a cell, in the order of its list.

@@ -264,7 +264,7 @@ pub enum Experiment {
     Extremes(extremes::Options),
     /// How run time grows with the number of balls, engine by engine, at a known accuracy
     #[command(
-        after_help = "Takes some ten minutes, --quick half a minute. Example:\n  moltop experiment growth --quick --out results"
+        after_help = "Takes some five minutes, --quick half a minute. Example:\n  moltop experiment growth --quick --out results"
     )]
     Growth(page::Options),
     /// How far a gas finds the way back after its velocities have been turned round

@@ -465,7 +465,7 @@ impl App {
         }
         let shown = quantity(Some(time), "s", self.latest.scene.units, 4);
         self.message = Some(format!(
-            "mark {} at {shown}",
+            "mark {} at {shown}, drawn in the charts",
             count(self.marks().len() as u64)
         ));
     }

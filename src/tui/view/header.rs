@@ -72,6 +72,7 @@ pub(super) fn title_row(app: &App, snapshot: &Snapshot, area: Rect, buffer: &mut
 /// The state in words.
 pub(super) fn state(app: &App) -> String {
     let words = match (&app.latest.phase, app.latest.reversed) {
+        (Phase::Starting, _) if app.access == Access::Replay => "being read",
         _ if app.access == Access::Replay => "ended",
         (Phase::Starting, _) => "starting",
         (Phase::Running, false) => "running",

@@ -41,6 +41,9 @@ const FIT_FROM: u64 = 512;
 /// Pair collisions between two looks at the clock.
 const COLLISIONS_PER_SLICE: f64 = 20_000.0;
 
+/// What a collision of many balls takes, roughly, for the estimate of the time left.
+const SECONDS_PER_COLLISION: f64 = 1e-5;
+
 /// A way to run a gas.
 struct Method {
     name: &'static str,
@@ -133,12 +136,14 @@ pub fn run(options: &Options) -> Result<u8> {
     } else {
         (&[2, 3, 4, 6, 8, 12, 16, 20, 25, 46, 89], 1.0, 3)
     };
-    let points = |number: usize| {
-        let largest = METHODS[number].largest;
-        edges.iter().filter(move |&&edge| edge <= largest).count()
-    };
-    let runs = (0..METHODS.len()).map(points).sum::<usize>() as f64 * sets as f64;
-    let mut progress = Progress::new(runs * budget)?;
+    // About what a run takes.
+    let cost =
+        |edge: usize| budget.max(least_collisions(edge.pow(3)) as f64 * SECONDS_PER_COLLISION);
+    let runs = METHODS.iter().flat_map(|method| {
+        let edges = edges.iter().filter(|&&edge| edge <= method.largest);
+        edges.map(|&edge| cost(edge))
+    });
+    let mut progress = Progress::new(runs.sum::<f64>() * sets as f64)?;
     let mut found: Vec<Point> = Vec::new();
     // Sets are the outer loop: what disturbs the machine for a while disturbs all sizes and engines.
     for set in 1..=sets {
@@ -153,7 +158,7 @@ pub fn run(options: &Options) -> Result<u8> {
                     let words = format!("{balls} balls, {}, data set {set} of {sets}", method.name);
                     progress.tell(0.0, &words);
                     let run = method.run(&state, budget);
-                    progress.tell(budget, &words);
+                    progress.tell(cost(edge), &words);
                     let known = |point: &&mut Point| point.method == number && point.balls == balls;
                     match found.iter_mut().find(known) {
                         Some(point) => point.runs.push(run),
@@ -172,6 +177,11 @@ pub fn run(options: &Options) -> Result<u8> {
     Ok(progress.code())
 }
 
+/// Fewest collisions to be timed: one for every second ball.
+fn least_collisions(ball_count: usize) -> u64 {
+    ball_count as u64 / 2
+}
+
 /// A gas whose lattice has dissolved.
 fn settled(edge: usize, thin: bool, seed: u64) -> State {
     let gas = if thin {
@@ -185,8 +195,8 @@ fn settled(edge: usize, thin: bool, seed: u64) -> State {
 }
 
 impl Method {
-    /// Runs for [`TIME`], in the thin gas longer, or until the processor has spent `budget` seconds and there was a collision
-    /// for every second ball: what engine `windowed` does at a time is a good part of that.
+    /// Runs for [`TIME`], in the thin gas longer, or until the processor has spent `budget` seconds and there were
+    /// [`least_collisions`]: what engine `windowed` does at a time is a good part of that.
     fn run(&self, state: &State, budget: f64) -> Run {
         let Some(choice) = self.choice else {
             return all_pairs_run(state, budget);
@@ -201,7 +211,7 @@ impl Method {
         let slice = (length * COLLISIONS_PER_SLICE / expected).min(length / 8.0);
         let began = processor_seconds();
         let (mut time, mut spent) = (0.0, 0.0);
-        let least = state.ball_count() as u64 / 2;
+        let least = least_collisions(state.ball_count());
         while time < length && (spent < budget || trial.events() < least) {
             time = (time + slice).min(length);
             trial.run(start + time);

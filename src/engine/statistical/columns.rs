@@ -79,6 +79,13 @@ impl Columns {
         &mut self.blocks
     }
 
+    /// Where a ball's centre is.
+    #[inline(always)]
+    pub fn position(&self, place: usize) -> [f32; 3] {
+        let block = &self.blocks[place / SIDE];
+        [0, 1, 2].map(|axis| block.position[axis][place % SIDE])
+    }
+
     /// A ball's velocity.
     #[inline(always)]
     pub fn velocity(&self, place: usize) -> [f32; 3] {
@@ -102,12 +109,5 @@ impl Columns {
         }
         let collisions = &mut block.others[1][lane];
         *collisions = f32::from_bits(collisions.to_bits() + 1);
-    }
-
-    /// Where a ball's centre is.
-    #[inline(always)]
-    pub fn position(&self, place: usize) -> [f32; 3] {
-        let block = &self.blocks[place / SIDE];
-        [0, 1, 2].map(|axis| block.position[axis][place % SIDE])
     }
 }

@@ -302,6 +302,10 @@ impl Meetings<'_> {
         let pairs = count as f64 * (count as f64 - 1.0);
         let tries = (pairs * rules.tries * f64::from(*majorant) + draws.share()) as u64;
         let body = self.bodies.kinds()[0];
+        let all = self.bodies;
+        let bodies_of = |balls: &Columns, pair: [usize; 2]| {
+            pair.map(|place| all.of(balls.ball(place) as usize))
+        };
         let limit = *majorant;
         let mut largest = limit;
         for _ in 0..tries {
@@ -313,9 +317,7 @@ impl Meetings<'_> {
             let need = if ALIKE {
                 square
             } else {
-                let section = rules.relative_section(
-                    [first, second].map(|one| self.bodies.of(balls.ball(one) as usize)),
-                );
+                let section = rules.relative_section(bodies_of(balls, [first, second]));
                 section * section * square
             };
             // The majorant grows for the next step only: within this one it would favour the tries before.
@@ -327,7 +329,7 @@ impl Meetings<'_> {
                 let bodies = if ALIKE {
                     [body; 2]
                 } else {
-                    [first, second].map(|one| self.bodies.of(balls.ball(one) as usize))
+                    bodies_of(balls, [first, second])
                 };
                 self.collide([first, second], bodies, balls, &mut draws, tally);
             }

@@ -18,7 +18,32 @@ pub type Square = [[f32; SIDE]; SIDE];
 pub fn turn<S: Simd>(simd: S, rows: Square) -> Square {
     #[cfg(target_arch = "x86_64")]
     if let Some(simd) = as_v3(simd) {
-        return turn_wide(simd, rows.map(cast)).map(cast);
+        // Named one by one: a closure for them all is not always built into the caller's code.
+        let [a, b, c, d, e, f, g, h] = rows;
+        let columns = turn_wide(
+            simd,
+            [
+                cast(a),
+                cast(b),
+                cast(c),
+                cast(d),
+                cast(e),
+                cast(f),
+                cast(g),
+                cast(h),
+            ],
+        );
+        let [a, b, c, d, e, f, g, h] = columns;
+        return [
+            cast(a),
+            cast(b),
+            cast(c),
+            cast(d),
+            cast(e),
+            cast(f),
+            cast(g),
+            cast(h),
+        ];
     }
     std::array::from_fn(|column| rows.map(|row| row[column]))
 }

@@ -275,13 +275,13 @@ impl Windowed {
     fn sort(&mut self) {
         let share = f32::from(self.behind);
         let cell_of = |line: &Line| {
-            let line = match self.numbering.piece(line.link) {
-                _ if line.link == NONE => line,
+            let line = match self.numbering.piece(line.link()) {
+                _ if line.link() == NONE => line,
                 Piece::Other(kind, region, place) => &self.pieces[kind][region].lines[place],
                 Piece::Flight(_) => unreachable!("a ball leaves its flight along another piece"),
             };
-            let position =
-                std::array::from_fn(|axis| line.position[axis] + share * line.velocity[axis]);
+            let (position, velocity) = (line.position(), line.velocity());
+            let position = std::array::from_fn(|axis| position[axis] + share * velocity[axis]);
             self.grid.cell_at(position) as u32
         };
         let cells: Vec<u32> = self.lines.iter().map(cell_of).collect();
@@ -309,7 +309,7 @@ impl Windowed {
         let mut balls = vec![0_u32; count];
         for (line, &cell) in self.lines.iter().zip(&cells) {
             let place = &mut places[cell as usize];
-            balls[*place as usize] = line.ball;
+            balls[*place as usize] = line.ball();
             *place += 1;
         }
         drop((cells, places));
@@ -328,7 +328,7 @@ impl Windowed {
             }
         });
         if self.state.bodies.uniform().is_none() {
-            let radius = |line: &Line| (gas.body(line.ball).radius * self.grid.scale) as f32;
+            let radius = |line: &Line| (gas.body(line.ball()).radius * self.grid.scale) as f32;
             self.radii = lines.iter().map(radius).collect();
         }
         self.fastest = lines

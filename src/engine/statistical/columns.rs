@@ -20,7 +20,9 @@ pub struct Block {
 impl Block {
     #[inline(always)]
     fn new<S: Simd>(simd: S, rows: &[Row; SIDE]) -> Self {
-        let [x, y, z, u, v, w, ball, collisions] = turn(simd, rows.map(|Row(row)| row));
+        let [a, b, c, d, e, f, g, h] = rows;
+        let rows = [a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0];
+        let [x, y, z, u, v, w, ball, collisions] = turn(simd, rows);
         Self {
             position: [x, y, z],
             velocity: [u, v, w],

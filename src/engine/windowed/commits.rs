@@ -9,7 +9,7 @@ use prefetch_index::prefetch_index;
 
 use super::meeting::{Bound, Meeting};
 use super::paths::Window;
-use super::pieces::{Id, LATER, NONE, Origin, Piece};
+use super::pieces::{Id, LATER, NONE, Origin};
 use super::region::shift_by;
 use super::shelves::Shelves;
 use super::{MOST_PER_WINDOW, Windowed};
@@ -76,11 +76,8 @@ impl Windowed {
                 prefetch_index(&self.state.trajectories, ball as usize);
                 prefetch_index(&self.state.collisions, ball as usize);
             }
-            for piece in [
-                meeting.piece,
-                if alone { meeting.piece } else { meeting.other },
-            ] {
-                prefetch_index(&self.lines, self.owner(piece) as usize);
+            for owner in meeting.owners {
+                prefetch_index(&self.lines, owner as usize);
             }
         }
     }
@@ -113,13 +110,9 @@ impl Windowed {
         let mut put_off = std::mem::take(&mut self.put_off);
         put_off.retain(|meeting| {
             let alone = meeting.bound().is_some();
-            let pieces = [
-                meeting.piece,
-                if alone { meeting.piece } else { meeting.other },
-            ];
-            let valid = pieces
-                .iter()
-                .all(|&piece| self.is_present(piece, self.owner(piece)));
+            let [owner, other_owner] = meeting.owners;
+            let valid = self.is_present(meeting.piece, owner)
+                && (alone || self.is_present(meeting.other, other_owner));
             if valid {
                 self.follow_ups.push(*meeting);
             }
@@ -131,16 +124,8 @@ impl Windowed {
     /// Whether a piece, of the flight `owner`, is the one its ball is on.
     #[inline]
     fn is_present(&self, piece: Id, owner: Id) -> bool {
-        let link = self.lines[owner as usize].link;
+        let link = self.lines[owner as usize].link();
         link == if piece == owner { NONE } else { piece }
-    }
-
-    #[inline]
-    fn owner(&self, piece: Id) -> Id {
-        match self.numbering.piece(piece) {
-            Piece::Flight(_) => piece,
-            Piece::Other(kind, region, place) => self.pieces[kind][region].lines[place].link,
-        }
     }
 
     fn meet_bound(
@@ -150,7 +135,7 @@ impl Windowed {
         window: Window,
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
-        let owner = self.owner(meeting.piece);
+        let owner = meeting.owners[0];
         if !self.is_present(meeting.piece, owner) {
             self.put_off(meeting);
             return Ok(());
@@ -162,7 +147,7 @@ impl Windowed {
         let (after, collision) = self.gas(window).after(ball, before, bound, time);
         if let Participants::Face(_, Wall { axis, upper }) = collision.participants {
             self.state.images[ball as usize][axis] += if upper { 1 } else { -1 };
-            self.lines[owner as usize].link = meeting.next[0];
+            self.lines[owner as usize].set_link(meeting.next[0]);
             self.state.trajectories[ball as usize] = after;
         } else {
             match bound {
@@ -186,7 +171,7 @@ impl Windowed {
         report: &mut dyn FnMut(&Collision),
     ) -> Result<(), Stuck> {
         let pieces = [meeting.piece, meeting.other];
-        let owners = pieces.map(|piece| self.owner(piece));
+        let owners = meeting.owners;
         if (0..2).any(|one| !self.is_present(pieces[one], owners[one])) {
             self.put_off(meeting);
             return Ok(());
@@ -267,7 +252,7 @@ impl Windowed {
     #[inline]
     fn turn(&mut self, ball: u32, owner: Id, piece: Id, after: Trajectory) {
         self.turns += 1;
-        self.lines[owner as usize].link = piece;
+        self.lines[owner as usize].set_link(piece);
         self.state.trajectories[ball as usize] = after;
         self.state.collisions[ball as usize] += 1;
     }

@@ -8,7 +8,8 @@
 
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
-use super::sheet::{Block, LANES, Row, Rows, Sheet};
+use super::sheet::{Block, LANES, NOBODY, Row, Rows, Sheet};
+use crate::engine::turn::SIDE;
 #[cfg(target_arch = "x86_64")]
 use crate::engine::turn::as_v3;
 
@@ -108,18 +109,20 @@ impl Filter {
     }
 
     /// Puts on `sheet` those pieces of a cell that are not on it yet, and appends to `pairs` each pair of a piece from row
-    /// `first` on and a piece before it that can meet in the cell in the window, the later row first.
+    /// `first` on and a piece before it that can meet in the cell in the window, the later row first. `middle` is the cell's.
     pub fn find(
         &mut self,
         sheet: &mut Sheet,
         pieces: impl Rows,
         first: usize,
+        middle: [f32; 3],
         pairs: &mut Vec<(u32, u32)>,
     ) {
         self.machine.dispatch(Find {
             sheet,
             pieces,
             first,
+            middle,
             limits: self.limits,
             hits: &mut self.hits,
             touching: &mut self.touching,
@@ -157,6 +160,7 @@ struct Find<'a, P> {
     sheet: &'a mut Sheet,
     pieces: P,
     first: usize,
+    middle: [f32; 3],
     limits: Limits,
     hits: &'a mut Vec<Hits>,
     touching: &'a mut Vec<(u32, u32)>,
@@ -187,27 +191,26 @@ impl<P: Rows> WithSimd for Find<'_, P> {
         let rows = self.sheet.rows();
         let (mut ones, mut others) = (Block::default(), Block::default());
         for pairs in self.touching.chunks(LANES) {
-            let pair = |lane: usize| pairs[lane.min(pairs.len() - 1)];
-            ones.turn(
-                simd,
-                std::array::from_fn(|lane| &rows[pair(lane).0 as usize]),
-            );
-            others.turn(
-                simd,
-                std::array::from_fn(|lane| &rows[pair(lane).1 as usize]),
-            );
+            for part in 0..pairs.len().div_ceil(SIDE) {
+                let [mut some, mut partners] = [[NOBODY; SIDE]; 2];
+                for (lane, &(row, other)) in pairs[part * SIDE..].iter().take(SIDE).enumerate() {
+                    some[lane] = rows[row as usize];
+                    partners[lane] = rows[other as usize];
+                }
+                ones.turn(simd, part, &some);
+                others.turn(simd, part, &partners);
+            }
             let mut in_vain = 0;
-            for vector in 0..LANES / S::F32_LANES {
-                let miss = cannot_meet_here(simd, &ones, &others, vector, self.limits);
+            for vector in 0..pairs.len().div_ceil(S::F32_LANES) {
+                let miss =
+                    cannot_meet_here(simd, &ones, &others, vector, (self.middle, self.limits));
                 in_vain |= lanes_of(simd, miss) << (vector * S::F32_LANES);
             }
-            let mut kept = [(0, 0); LANES];
-            let mut count = 0;
             for (lane, &pair) in pairs.iter().enumerate() {
-                kept[count] = pair;
-                count += usize::from(in_vain >> lane & 1 == 0);
+                if in_vain >> lane & 1 == 0 {
+                    self.pairs.push(pair);
+                }
             }
-            self.pairs.extend_from_slice(&kept[..count]);
         }
     }
 }
@@ -215,7 +218,8 @@ impl<P: Rows> WithSimd for Find<'_, P> {
 /// Writes down the pairs, of rows from the first on and of columns that come before or in the same vector, whose lines touch and
 /// that approach each other; gives how many vectors that took.
 ///
-/// Free of branches that depend on the pieces: hits are written down by advancing past them.
+/// Free of branches that depend on the pieces: hits are written down by advancing past them. Where the next ones are written is
+/// looked up before the rows are read, not in between: so a row's numbers go from memory into all lanes at once.
 #[inline(always)]
 fn lines_that_touch<S: Simd>(
     simd: S,
@@ -231,6 +235,7 @@ fn lines_that_touch<S: Simd>(
     if hits.len() < most {
         hits.resize(most + most / 2, Hits::default());
     }
+    let hits = &mut hits[..];
     let minus_contact_squared = simd.splat_f32s(-contact_squared);
     let mut found = 0;
     for (number, block) in sheet.blocks().iter().enumerate() {
@@ -241,19 +246,21 @@ fn lines_that_touch<S: Simd>(
             let columns = block.vectors(simd, vector);
             let (groups, rest) = rows.as_chunks::<ROWS_AT_ONCE>();
             for group in groups {
+                let next = &mut hits[found];
                 let mut lanes = 0;
                 for (place, row) in group.iter().enumerate() {
                     let touch = lines_touch(simd, row, columns, minus_contact_squared);
                     lanes |= lanes_of(simd, touch) << (place * LANES);
                 }
-                hits[found] = Hits::new(row, column, lanes);
+                *next = Hits::new(row, column, lanes);
                 found += usize::from(lanes != 0);
                 row += ROWS_AT_ONCE;
             }
             for one in rest {
+                let next = &mut hits[found];
                 let touch = lines_touch(simd, one, columns, minus_contact_squared);
                 let lanes = lanes_of(simd, touch);
-                hits[found] = Hits::new(row, column, lanes);
+                *next = Hits::new(row, column, lanes);
                 found += usize::from(lanes != 0);
                 row += 1;
             }
@@ -269,7 +276,7 @@ fn cannot_meet_here<S: Simd>(
     ones: &Block,
     others: &Block,
     vector: usize,
-    limits: Limits,
+    (middle, limits): ([f32; 3], Limits),
 ) -> S::m32s {
     let (zero, one, half) = (
         simd.splat_f32s(0.0),
@@ -298,7 +305,9 @@ fn cannot_meet_here<S: Simd>(
     let mut miss = simd.greater_than_f32s(touch, simd.add_f32s(one, time_margin));
     // The contact lies between the two times.
     for axis in 0..3 {
-        let middle = simd.add_f32s(position[axis], other_position[axis]);
+        let here = simd.splat_f32s(middle[axis]);
+        let place = |position: S::f32s| simd.sub_f32s(position, here);
+        let middle = simd.add_f32s(place(position[axis]), place(other_position[axis]));
         let drift = simd.add_f32s(velocity[axis], other_velocity[axis]);
         let least_margin = simd.splat_f32s(0.5 * limits.edges[axis] + limits.off_middle);
         let limit = simd.mul_add_e_f32s(time_margin, simd.abs_f32s(drift), least_margin);
@@ -324,7 +333,7 @@ fn difference<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> [S::f32s; 3
 
 /// Three numbers, each in all lanes.
 #[inline(always)]
-fn splat<S: Simd>(simd: S, a: &[f32; 3]) -> [S::f32s; 3] {
+fn splat<S: Simd>(simd: S, a: [f32; 3]) -> [S::f32s; 3] {
     [
         simd.splat_f32s(a[0]),
         simd.splat_f32s(a[1]),
@@ -347,8 +356,8 @@ fn lines_touch<S: Simd>(
     [position, velocity]: [[S::f32s; 3]; 2],
     minus_contact_squared: S::f32s,
 ) -> S::m32s {
-    let apart = difference(simd, position, splat(simd, &row.position));
-    let velocity = difference(simd, splat(simd, &row.velocity), velocity);
+    let apart = difference(simd, position, splat(simd, row.position()));
+    let velocity = difference(simd, splat(simd, row.velocity()), velocity);
     // Positive if they approach.
     let approach = dot(simd, apart, velocity);
     let beyond = simd.mul_add_e_f32s(apart[0], apart[0], minus_contact_squared);
@@ -391,19 +400,20 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
+    use crate::engine::windowed::grid::Entry;
     use crate::engine::windowed::pieces::NONE;
 
     /// Pieces on a line that all fly towards its middle, so that the lines of any two touch and they meet there.
-    struct Crowd(usize);
+    struct Crowd(Vec<Entry>);
 
     impl Rows for Crowd {
-        fn count(&self) -> usize {
-            self.0
+        fn entries(&self) -> &[Entry] {
+            &self.0
         }
 
-        fn row(&self, number: usize) -> Row {
-            let place = number as f64 - 0.5 * (self.0 as f64 - 1.0);
-            Row::new(DVec3::X * place, DVec3::X * -place, number as u32, NONE)
+        fn row(&self, entry: Entry) -> Row {
+            let place = f64::from(entry) - 0.5 * (self.0.len() as f64 - 1.0);
+            Row::new(DVec3::X * place, DVec3::X * -place, entry, NONE)
         }
     }
 
@@ -412,8 +422,9 @@ mod tests {
         let mut pairs = Vec::new();
         Find {
             sheet: &mut Sheet::default(),
-            pieces: Crowd(count),
+            pieces: Crowd((0..count as Entry).collect()),
             first,
+            middle: [0.0; 3],
             limits: Limits {
                 edges: [100.0; 3],
                 off_middle: 0.1,

@@ -360,7 +360,7 @@ impl Lists {
     /// Lists an entry in a cell. Gives whether it is the first since the cell's entries were tested.
     #[inline]
     pub fn insert(&mut self, cell: usize, entry: Entry) -> bool {
-        if !self.tails().insert(cell, entry) {
+        if self.tails().insert(cell, entry) == Inserted::NoRoom {
             self.widen();
             self.tails().insert(cell, entry);
         }
@@ -404,6 +404,15 @@ pub struct Tails<'a> {
     capacity: usize,
 }
 
+/// Whether an entry is listed now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Inserted {
+    Yes,
+    /// Its cell is listed elsewhere.
+    Elsewhere,
+    NoRoom,
+}
+
 impl Tails<'_> {
     /// The cells that are listed here.
     #[inline(always)]
@@ -411,20 +420,22 @@ impl Tails<'_> {
         self.first..self.first + self.lengths.len()
     }
 
-    /// Lists an entry in a cell, if there is room.
+    /// Lists an entry in a cell, if it is here and there is room.
     #[inline(always)]
-    pub fn insert(&mut self, cell: usize, entry: Entry) -> bool {
-        let cell = cell - self.first;
-        let length = &mut self.lengths[cell];
-        let has_room = (*length as usize) < self.capacity;
-        if has_room {
-            let end = cell * self.capacity + *length as usize;
-            // Where the list goes on when this line of memory is full.
-            prefetch_index(&*self.entries, end + ENTRIES_AHEAD);
-            self.entries[end] = entry;
-            *length += 1;
+    pub fn insert(&mut self, cell: usize, entry: Entry) -> Inserted {
+        let cell = cell.wrapping_sub(self.first);
+        let Some(length) = self.lengths.get_mut(cell) else {
+            return Inserted::Elsewhere;
+        };
+        let end = cell * self.capacity + *length as usize;
+        match self.entries.get_mut(end) {
+            Some(place) if (*length as usize) < self.capacity => *place = entry,
+            _ => return Inserted::NoRoom,
         }
-        has_room
+        *length += 1;
+        // Where the list goes on when this line of memory is full.
+        prefetch_index(&*self.entries, end + ENTRIES_AHEAD);
+        Inserted::Yes
     }
 
     /// Asks for the memory where the list of a cell begins.

@@ -4,16 +4,26 @@
 //! branches, if it reaches into at most three cells along each axis; the few others, and those that may meet a wall, a plane or
 //! a face, are put aside.
 
+use std::ops::Range;
+
+#[cfg(target_arch = "x86_64")]
+use pulp::bytemuck;
 use pulp::{Arch, Simd, WithSimd};
 
-use super::grid::{Grid, Lists};
+use super::grid::{Grid, Inserted, Lists, Tails};
 use super::paths::Gas;
 use super::pieces::{Id, Line, NONE, Numbering, Past};
 use super::region::Passage;
-use crate::engine::image::{image_of, number_of};
+use crate::engine::image::number_of;
+#[cfg(target_arch = "x86_64")]
+use crate::engine::turn::as_v3;
+use crate::engine::turn::{SIDE, turn};
 
 /// Flights in a block.
 const BLOCK: usize = 64;
+
+/// Parts of a block that are turned one by one.
+const PARTS: usize = BLOCK / SIDE;
 
 /// Cells of a flight's path that are written down without a branch.
 const WITHOUT_BRANCHES: usize = 4;
@@ -33,6 +43,18 @@ const CUBE: usize = SPAN * SPAN * SPAN;
 /// Bit of a path that may meet what bounds the domain.
 const NEAR_BOUNDARY: u32 = WIDE << 1;
 
+/// The bits from here on say along which axes a path goes back, `x` first.
+const BACK_SHIFT: u32 = CUBE as u32 + 2;
+
+/// Passages of a block: as many as all its flights can have.
+const MOST_PASSAGES: usize = (BLOCK * CUBE + WITHOUT_BRANCHES).next_power_of_two();
+
+/// A passage: the place's number, and above [`FLIGHT_SHIFT`] the flight's.
+type Passing = u64;
+
+/// See [`Passing`].
+const FLIGHT_SHIFT: u32 = u32::BITS;
+
 /// Added to a small whole number, it leaves the number in the low bits.
 const WHOLE: f32 = 8_388_608.0;
 
@@ -42,8 +64,6 @@ struct Bounds {
     slack: f32,
     /// Every ball's radius, if all are alike.
     radius: f32,
-    lowest: f32,
-    highest: [f32; 3],
     edges: [f32; 3],
     per_edge: [f32; 3],
     strides: [u32; 3],
@@ -58,8 +78,6 @@ struct Bounds {
 impl Bounds {
     fn new(gas: &Gas) -> Self {
         let Grid {
-            lowest,
-            highest,
             edges,
             scale,
             strides,
@@ -75,8 +93,6 @@ impl Bounds {
         Self {
             slack,
             radius: (gas.state.bodies.largest_radius() * scale) as f32,
-            lowest: lowest as f32,
-            highest: highest.map(|place| place as f32),
             edges,
             per_edge: edges.map(|edge| 1.0 / edge),
             strides,
@@ -91,13 +107,90 @@ impl Bounds {
 struct Block {
     position: [[f32; BLOCK]; 3],
     velocity: [[f32; BLOCK]; 3],
+    /// Which balls they are, and their links, as bits.
+    others: [[f32; BLOCK]; 2],
     radius: [f32; BLOCK],
-    /// Which of the cells from the lowest on are touched; or why that is not known.
+    /// Which cells are touched, from the first one along each axis on the way: in the highest of [`CUBE`] bits the first, in the
+    /// next one the next along `z`. Or why that is not known. And which way the path goes.
     touched: [u32; BLOCK],
-    /// The lowest place along each axis.
-    lower: [[f32; BLOCK]; 3],
+    /// The first place along each axis on the way.
+    first: [[f32; BLOCK]; 3],
     /// Its number.
     place: [u32; BLOCK],
+}
+
+impl Block {
+    /// Of balls of this radius, if all are alike.
+    fn new(radius: f32) -> Self {
+        Self {
+            position: [[0.0; BLOCK]; 3],
+            velocity: [[0.0; BLOCK]; 3],
+            others: [[0.0; BLOCK]; 2],
+            radius: [radius; BLOCK],
+            touched: [0; BLOCK],
+            first: [[0.0; BLOCK]; 3],
+            place: [0; BLOCK],
+        }
+    }
+
+    /// Takes in some flights.
+    #[inline(always)]
+    fn read<S: Simd>(&mut self, simd: S, part: usize, lines: &[Line; SIDE]) {
+        let [a, b, c, d, e, f, g, h] = lines;
+        let columns = turn(simd, [a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0]);
+        for (column, values) in self.columns().zip(columns) {
+            column[part * SIDE..][..SIDE].copy_from_slice(&values);
+        }
+    }
+
+    /// Gives them back.
+    #[inline(always)]
+    fn write<S: Simd>(&mut self, simd: S, part: usize, lines: &mut [Line; SIDE]) {
+        let mut columns = [[0.0; SIDE]; SIDE];
+        for (values, column) in columns.iter_mut().zip(self.columns()) {
+            values.copy_from_slice(&column[part * SIDE..][..SIDE]);
+        }
+        for (line, row) in lines.iter_mut().zip(turn(simd, columns)) {
+            line.0 = row;
+        }
+    }
+
+    /// The columns of lines.
+    #[inline(always)]
+    fn columns(&mut self) -> impl Iterator<Item = &mut [f32; BLOCK]> {
+        let moving = self.position.iter_mut().chain(&mut self.velocity);
+        moving.chain(&mut self.others)
+    }
+}
+
+/// For each way that a path can go, for each bit of a cell it touches: how much farther that cell's place is than the first one's.
+#[derive(Clone, Copy)]
+struct Offsets([[u64; u32::BITS as usize]; 8]);
+
+impl Offsets {
+    fn new(strides: [u32; 3]) -> Self {
+        let offset = |way: usize, bit: usize| {
+            // The first cell's bit is the highest.
+            let Some(number) = (CUBE - 1).checked_sub(bit) else {
+                return 0;
+            };
+            let steps = [number / (SPAN * SPAN), number / SPAN % SPAN, number % SPAN];
+            (0..3).fold(0_u64, |sum, axis| {
+                let step = steps[axis] as u64 * u64::from(strides[axis]);
+                let back = way >> axis & 1 == 1;
+                sum.wrapping_add(if back { step.wrapping_neg() } else { step })
+            })
+        };
+        Self(std::array::from_fn(|way| {
+            std::array::from_fn(|bit| offset(way, bit))
+        }))
+    }
+
+    /// Those of paths that go the way that a path's bits say.
+    #[inline(always)]
+    fn of_way(&self, touched: u32) -> &[u64; u32::BITS as usize] {
+        &self.0[(touched >> BACK_SHIFT) as usize]
+    }
 }
 
 /// Which flights of a block left the last window along another piece.
@@ -116,10 +209,10 @@ impl Turned {
         };
         for (lane, line) in lines.iter().enumerate().take(BLOCK) {
             turned.lanes[turned.count] = lane as u8;
-            turned.count += usize::from(line.link != NONE);
+            turned.count += usize::from(line.link() != NONE);
         }
         for &lane in turned.lanes() {
-            past.read_ahead(numbering, lines[lane as usize].link);
+            past.read_ahead(numbering, lines[lane as usize].link());
         }
         turned
     }
@@ -171,20 +264,9 @@ impl<'f> WithSimd for Listing<'_, 'f> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> &'f [Line] {
         let bounds = Bounds::new(&self.gas);
-        let mut block = Block {
-            position: [[0.0; BLOCK]; 3],
-            velocity: [[0.0; BLOCK]; 3],
-            radius: [bounds.radius; BLOCK],
-            touched: [0; BLOCK],
-            lower: [[0.0; BLOCK]; 3],
-            place: [0; BLOCK],
-        };
+        let mut block = Block::new(bounds.radius);
         let targets = &self.gas.grid.targets[..];
-        let [stride_x, stride_y, stride_z] = bounds.strides;
-        let offsets: [u32; 32] = std::array::from_fn(|bit| {
-            let step = |per: usize| (bit / per % SPAN) as u32;
-            step(SPAN * SPAN) * stride_x + step(SPAN) * stride_y + step(1) * stride_z
-        });
+        let offsets = Offsets::new(bounds.strides);
         let mut tails = self.lists.tails();
         let cells = tails.cells();
         let mut first = self.first as u32;
@@ -202,7 +284,7 @@ impl<'f> WithSimd for Listing<'_, 'f> {
             Turned::read_ahead(lines, past, self.gas.numbering)
         };
         let mut next_turned = read_ahead(all);
-        let mut passages = [(0, 0); BLOCK * CUBE + WITHOUT_BRANCHES];
+        let mut passages: [Passing; MOST_PASSAGES] = [0; MOST_PASSAGES];
         for number in 0..blocks {
             let (_, lines) = all.split_at_mut(number * BLOCK);
             let (lines, next) = lines.split_at_mut(BLOCK.min(lines.len()));
@@ -212,172 +294,209 @@ impl<'f> WithSimd for Listing<'_, 'f> {
             }
             for &lane in turned.lanes() {
                 let line = &mut lines[lane as usize];
-                let past = past.line(self.gas.numbering, line.link);
-                let Line {
-                    position, velocity, ..
-                } = *past;
-                (line.position, line.velocity, line.link) = (position, velocity, NONE);
+                *line = *past.line(self.gas.numbering, line.link());
+                line.set_link(NONE);
             }
-            for (lane, line) in lines.iter_mut().enumerate().take(BLOCK) {
-                for axis in 0..3 {
-                    line.position[axis] += line.velocity[axis] * advance;
-                    block.position[axis][lane] = line.position[axis];
-                    block.velocity[axis][lane] = line.velocity[axis];
-                }
+            let count_of_lines = lines.len();
+            let (parts, rest) = lines.as_chunks_mut::<SIDE>();
+            let mut padded = [Line([0.0; SIDE]); SIDE];
+            padded[..rest.len()].copy_from_slice(rest);
+            for (part, lines) in parts.iter().chain([&padded]).enumerate().take(PARTS) {
+                block.read(simd, part, lines);
             }
             if !radii.is_empty() {
-                let radii = &radii[number * BLOCK..][..lines.len()];
-                block.radius[..lines.len()].copy_from_slice(radii);
+                let radii = &radii[number * BLOCK..][..count_of_lines];
+                block.radius[..radii.len()].copy_from_slice(radii);
             }
-            touch(simd, &mut block, &bounds);
+            touch(simd, &mut block, &bounds, advance);
+            for (part, lines) in parts
+                .iter_mut()
+                .chain([&mut padded])
+                .enumerate()
+                .take(PARTS)
+            {
+                block.write(simd, part, lines);
+            }
+            rest.copy_from_slice(&padded[..rest.len()]);
             for plane in &bounds.planes {
                 avoid(&mut block, *plane, bounds.slack);
             }
-            let mut count = 0;
-            for lane in 0..lines.len() {
-                let mut touched = block.touched[lane];
-                let id = first + lane as Id;
-                if touched >= WIDE {
-                    self.aside.push(id);
-                    continue;
-                }
-                // How many cells it is cannot be foreseen: most flights are done in so many steps without a branch.
-                for step in 0.. {
-                    if step >= WITHOUT_BRANCHES && touched == 0 {
-                        break;
-                    }
-                    let bit = touched.trailing_zeros() as usize % offsets.len();
-                    passages[count] = (block.place[lane] + offsets[bit], id);
-                    count += usize::from(touched != 0);
-                    touched &= touched.wrapping_sub(1);
-                }
+            let count = pass(
+                &block,
+                &offsets,
+                first..first + count_of_lines as Id,
+                &mut passages,
+                self.aside,
+            );
+            let mut passages = &passages[..count];
+            while let Some(rest) = list(passages, targets, &mut tails, self.outbox) {
+                passages = rest;
+                self.lists.widen();
+                tails = self.lists.tails();
             }
-            for &(place, id) in &passages[..count] {
-                let target = targets[place as usize];
-                let (cell, entry) = (
-                    number_of(target) as usize,
-                    id | (target - number_of(target)),
-                );
-                debug_assert!(image_of(target) < 27);
-                if cells.contains(&cell) {
-                    if !tails.insert(cell, entry) {
-                        self.lists.widen();
-                        tails = self.lists.tails();
-                        tails.insert(cell, entry);
-                    }
-                } else {
-                    self.outbox.push((entry, cell as u32));
-                }
-            }
-            first += lines.len() as u32;
+            first += count_of_lines as u32;
         }
         all
     }
 }
 
-/// Finds the cells that the paths of a block touch.
+/// Writes down the passages of a block's flights, and those flights aside that need a closer look; gives how many passages.
 #[inline(always)]
-fn touch<S: Simd>(simd: S, block: &mut Block, bounds: &Bounds) {
+fn pass(
+    block: &Block,
+    offsets: &Offsets,
+    flights: Range<Id>,
+    passages: &mut [Passing; MOST_PASSAGES],
+    aside: &mut Vec<Id>,
+) -> usize {
+    let mut count = 0;
+    for (id, lane) in flights.zip(0..BLOCK) {
+        let touched = block.touched[lane];
+        if touched & (WIDE | NEAR_BOUNDARY) != 0 {
+            aside.push(id);
+            continue;
+        }
+        let offsets = offsets.of_way(touched);
+        let start = Passing::from(id) << FLIGHT_SHIFT | Passing::from(block.place[lane]);
+        let mut cells = touched & (WIDE - 1);
+        let mut next = |cells: &mut u32| {
+            let bit = cells.trailing_zeros() as usize % offsets.len();
+            passages[count % MOST_PASSAGES] = start.wrapping_add(offsets[bit]);
+            count += usize::from(*cells != 0);
+            *cells &= cells.wrapping_sub(1);
+        };
+        // How many cells it is cannot be foreseen: most flights are done in so many steps without a branch.
+        for _ in 0..WITHOUT_BRANCHES {
+            next(&mut cells);
+        }
+        while cells != 0 {
+            next(&mut cells);
+        }
+    }
+    count
+}
+
+/// Lists passages until one finds no room; gives those that are left then.
+// A function of its own, that what it needs stays in registers.
+#[inline(never)]
+fn list<'p>(
+    passages: &'p [Passing],
+    targets: &[u32],
+    tails: &mut Tails,
+    outbox: &mut Vec<Passage>,
+) -> Option<&'p [Passing]> {
+    for (number, &passing) in passages.iter().enumerate() {
+        let target = targets[passing as u32 as usize];
+        let id = (passing >> FLIGHT_SHIFT) as Id;
+        let cell = number_of(target);
+        let entry = id | (target - cell);
+        match tails.insert(cell as usize, entry) {
+            Inserted::Yes => (),
+            Inserted::Elsewhere => outbox.push((entry, cell)),
+            Inserted::NoRoom => return Some(&passages[number..]),
+        }
+    }
+    None
+}
+
+/// Moves the flights of a block on by so many windows and finds the cells that their paths touch.
+#[inline(always)]
+fn touch<S: Simd>(simd: S, block: &mut Block, bounds: &Bounds, advance: f32) {
     let lanes = size_of::<S::f32s>() / size_of::<f32>();
     for vector in 0..BLOCK / lanes {
-        touch_vector(simd, block, bounds, vector);
+        touch_vector(simd, block, bounds, vector, advance);
     }
     for lane in 0..BLOCK {
         let place = |axis: usize| {
-            let lower = block.lower[axis][lane] + 1.0 + WHOLE;
-            (lower.to_bits() & 0xffff) * bounds.strides[axis]
+            let first = block.first[axis][lane] + 1.0 + WHOLE;
+            (first.to_bits() & 0xffff) * bounds.strides[axis]
         };
         block.place[lane] = place(0) + place(1) + place(2);
     }
 }
 
-/// Finds the cells that as many paths touch as a vector holds; `vector` says which of the block's.
+/// When a path enters and leaves some things in a row, as shares of the path.
+type Span<S> = (<S as Simd>::f32s, <S as Simd>::f32s);
+
+/// Does so for as many flights as a vector holds; `vector` says which of the block's.
+///
+/// A path that goes back along an axis is looked at in a mirror: there it goes forth, through places with the numbers
+/// `-1 - place`.
 #[inline(always)]
-fn touch_vector<S: Simd>(simd: S, block: &mut Block, bounds: &Bounds, vector: usize) {
+fn touch_vector<S: Simd>(simd: S, block: &mut Block, bounds: &Bounds, vector: usize, advance: f32) {
     let all = |value: f32| simd.splat_f32s(value);
-    let zero = all(0.0);
-    let bit =
-        |mask: S::m32s, bit: u32| simd.select_u32s(mask, simd.splat_u32s(bit), simd.splat_u32s(0));
-    // As shares of the path: when each of the cells along an axis is entered and left.
-    let (mut enter, mut leave) = ([[zero; SPAN]; 3], [[zero; SPAN]; 3]);
-    let mut touched = simd.splat_u32s(0);
+    let (zero, one) = (all(0.0), all(1.0));
+    let bits = |mask: S::m32s, bits: u32| {
+        simd.select_u32s(mask, simd.splat_u32s(bits), simd.splat_u32s(0))
+    };
     let radius = S::as_simd_f32s(&block.radius).0[vector];
     let reach = simd.add_f32s(radius, all(bounds.slack));
-    let margin = simd.mul_f32s(radius, all(bounds.hard));
-    for axis in 0..3 {
-        let from = S::as_simd_f32s(&block.position[axis]).0[vector];
+    let mut inside: [[Span<S>; SPAN]; 3] = [[(zero, one); SPAN]; 3];
+    let mut most_cells = zero;
+    let mut beyond = all(f32::MIN);
+    let mut ways = simd.splat_u32s(0);
+    for (axis, inside) in inside.iter_mut().enumerate() {
         let way = S::as_simd_f32s(&block.velocity[axis]).0[vector];
+        let from = S::as_simd_f32s(&block.position[axis]).0[vector];
+        let from = simd.add_f32s(from, simd.mul_f32s(way, all(advance)));
+        S::as_mut_simd_f32s(&mut block.position[axis]).0[vector] = from;
         let to = simd.add_f32s(from, way);
-        let back = simd.less_than_f32s(way, zero);
-        let (low, high) = (
-            simd.select_f32s(back, to, from),
-            simd.select_f32s(back, from, to),
-        );
-        let per_edge = all(bounds.per_edge[axis]);
-        let cell = |place: S::f32s| floor(simd, simd.mul_f32s(place, per_edge));
-        let lower = simd.max_f32s(cell(simd.sub_f32s(low, reach)), all(bounds.lowest));
-        let upper = cell(simd.add_f32s(high, reach));
-        let upper = simd.min_f32s(upper, all(bounds.highest[axis]));
-        let cells = simd.sub_f32s(upper, lower);
-        let wide = simd.greater_than_f32s(cells, all(SPAN as f32 - 0.5));
-        touched = simd.or_u32s(touched, bit(wide, WIDE));
         let (least, most) = bounds.inside[axis];
-        let below = simd.less_than_f32s(low, simd.add_f32s(all(least), margin));
-        let above = simd.greater_than_f32s(high, simd.sub_f32s(all(most), margin));
-        let near = simd.or_m32s(below, above);
-        touched = simd.or_u32s(touched, bit(near, NEAR_BOUNDARY));
-        S::as_mut_simd_f32s(&mut block.lower[axis]).0[vector] = lower;
+        let below = simd.sub_f32s(all(least), simd.min_f32s(from, to));
+        let above = simd.sub_f32s(simd.max_f32s(from, to), all(most));
+        beyond = simd.max_f32s(beyond, simd.max_f32s(below, above));
 
-        // The path begins and ends in the outermost cells, or beyond the last there are and near a boundary.
-        let least = all(1e-30);
-        let rests = simd.less_than_f32s(simd.abs_f32s(way), least);
-        let per_way = simd.div_f32s(all(1.0), simd.select_f32s(rests, least, way));
-        let edge = all(bounds.edges[axis]);
-        let face = simd.mul_f32s(simd.add_f32s(lower, all(1.0)), edge);
-        let face = simd.sub_f32s(face, from);
+        let back = simd.less_than_f32s(way, zero);
+        ways = simd.or_u32s(ways, bits(back, 1 << (BACK_SHIFT + axis as u32)));
+        let from = simd.select_f32s(back, simd.neg_f32s(from), from);
+        let way = simd.abs_f32s(way);
+        let (edge, per_edge) = (all(bounds.edges[axis]), all(bounds.per_edge[axis]));
+        let place = |at: S::f32s| floor(simd, simd.mul_f32s(at, per_edge));
+        let first = place(simd.sub_f32s(from, reach));
+        let last = place(simd.add_f32s(simd.add_f32s(from, way), reach));
+        most_cells = simd.max_f32s(most_cells, simd.sub_f32s(last, first));
+        let mirrored = simd.sub_f32s(all(-1.0), first);
+        S::as_mut_simd_f32s(&mut block.first[axis]).0[vector] =
+            simd.select_f32s(back, mirrored, first);
+
+        let per_way = simd.div_f32s(one, simd.max_f32s(way, all(1e-30)));
+        let face = simd.sub_f32s(simd.mul_f32s(simd.add_f32s(first, one), edge), from);
         let next_face = simd.add_f32s(face, edge);
-        let share = |way: S::f32s| simd.mul_f32s(way, per_way);
-        let near = [face, next_face].map(|face| share(simd.sub_f32s(face, reach)));
-        let far = [face, next_face].map(|face| share(simd.add_f32s(face, reach)));
-        let turned =
-            |back_value: S::f32s, value: S::f32s| simd.select_f32s(back, back_value, value);
-        let never = all(3.0);
-        let from_cell = |count: f32, entered: S::f32s| {
-            let reached = simd.greater_than_f32s(cells, all(count));
-            simd.select_f32s(reached, entered, never)
+        let enter = |face: S::f32s| {
+            let share = simd.mul_f32s(simd.sub_f32s(face, reach), per_way);
+            simd.max_f32s(share, zero)
         };
-        enter[axis] = [
-            turned(far[0], all(-1.0)),
-            from_cell(0.5, turned(far[1], near[0])),
-            from_cell(1.5, turned(all(-1.0), near[1])),
-        ];
-        leave[axis] = [
-            turned(all(2.0), far[0]),
-            turned(near[0], far[1]),
-            turned(near[1], all(2.0)),
+        let leave = |face: S::f32s| {
+            let share = simd.mul_f32s(simd.add_f32s(face, reach), per_way);
+            simd.min_f32s(share, one)
+        };
+        *inside = [
+            (zero, leave(face)),
+            (enter(face), leave(next_face)),
+            (enter(next_face), one),
         ];
     }
-    for x in 0..SPAN {
-        let (entered, left) = (
-            simd.max_f32s(enter[0][x], zero),
-            simd.min_f32s(leave[0][x], all(1.0)),
-        );
-        for y in 0..SPAN {
-            let (entered, left) = (
-                simd.max_f32s(enter[1][y], entered),
-                simd.min_f32s(leave[1][y], left),
-            );
-            for z in 0..SPAN {
-                let (entered, left) = (
-                    simd.max_f32s(enter[2][z], entered),
-                    simd.min_f32s(leave[2][z], left),
-                );
+    let both = |one: Span<S>, other: Span<S>| {
+        (simd.max_f32s(one.0, other.0), simd.min_f32s(one.1, other.1))
+    };
+    let mut touched = simd.splat_u32s(0);
+    for in_x in inside[0] {
+        for in_y in inside[1] {
+            let in_xy = both(in_x, in_y);
+            for in_z in inside[2] {
+                let (entered, left) = both(in_xy, in_z);
                 let passes = simd.less_than_or_equal_f32s(entered, left);
-                touched = simd.or_u32s(touched, bit(passes, 1 << ((x * SPAN + y) * SPAN + z)));
+                touched = simd.add_u32s(touched, touched);
+                touched = simd.sub_u32s(touched, bits(passes, u32::MAX));
             }
         }
     }
-    S::as_mut_simd_u32s(&mut block.touched).0[vector] = touched;
+    let wide = simd.greater_than_f32s(most_cells, all(SPAN as f32 - 0.5));
+    touched = simd.or_u32s(touched, bits(wide, WIDE));
+    let margin = simd.mul_f32s(radius, all(-bounds.hard));
+    let near = simd.greater_than_f32s(beyond, margin);
+    touched = simd.or_u32s(touched, bits(near, NEAR_BOUNDARY));
+    S::as_mut_simd_u32s(&mut block.touched).0[vector] = simd.or_u32s(touched, ways);
 }
 
 /// Marks the paths of a block that may meet a plane.
@@ -398,6 +517,10 @@ fn avoid(block: &mut Block, (normal, offset): ([f32; 3], f32), slack: f32) {
 /// The largest whole number that is no larger; of what lies beyond four million, some number beyond that.
 #[inline(always)]
 fn floor<S: Simd>(simd: S, place: S::f32s) -> S::f32s {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(v3) = as_v3(simd) {
+        return bytemuck::cast(v3.avx._mm256_floor_ps(bytemuck::cast(place)));
+    }
     // In its neighbourhood numbers have no digits after the point.
     let whole = simd.splat_f32s(1.5 * WHOLE);
     let nearest = simd.sub_f32s(simd.add_f32s(place, whole), whole);
@@ -419,8 +542,6 @@ mod tests {
         Bounds {
             slack: 1e-4,
             radius: 0.1,
-            lowest: -1.0,
-            highest: [10.0; 3],
             edges: EDGES,
             per_edge: EDGES.map(|edge| 1.0 / edge),
             strides: [144, 12, 1],
@@ -435,15 +556,9 @@ mod tests {
         positions: &[[f32; BLOCK]; 3],
         velocities: &[[f32; BLOCK]; 3],
     ) -> Block {
-        let mut block = Block {
-            position: *positions,
-            velocity: *velocities,
-            radius: [0.1; BLOCK],
-            touched: [0; BLOCK],
-            lower: [[0.0; BLOCK]; 3],
-            place: [0; BLOCK],
-        };
-        touch(simd, &mut block, &bounds());
+        let mut block = Block::new(0.1);
+        (block.position, block.velocity) = (*positions, *velocities);
+        touch(simd, &mut block, &bounds(), 0.0);
         block
     }
 
@@ -469,19 +584,21 @@ mod tests {
                 if one.touched[lane] & WIDE != 0 {
                     continue;
                 }
+                let offsets = Offsets::new(bounds().strides);
+                let offsets = offsets.of_way(one.touched[lane]);
+                let cells = (0..CUBE).filter(|bit| one.touched[lane] >> bit & 1 == 1);
+                let places: Vec<u64> = cells
+                    .map(|bit| u64::from(one.place[lane]).wrapping_add(offsets[bit]))
+                    .collect();
                 for step in 0..=100 {
-                    let cell = [0, 1, 2].map(|axis| {
-                        let way = velocities[axis][lane] * step as f32 / 100.0;
-                        ((positions[axis][lane] + way) / EDGES[axis]).floor()
-                    });
-                    let [x, y, z] =
-                        [0, 1, 2].map(|axis| (cell[axis] - one.lower[axis][lane]) as usize);
-                    let bit = (x * SPAN + y) * SPAN + z;
-                    assert_ne!(
-                        one.touched[lane] >> bit & 1,
-                        0,
-                        "{positions:?} {velocities:?}"
-                    );
+                    let place: u64 = (0..3)
+                        .map(|axis| {
+                            let way = velocities[axis][lane] * step as f32 / 100.0;
+                            let cell = ((positions[axis][lane] + way) / EDGES[axis]).floor();
+                            (cell as u64 + 1) * u64::from(bounds().strides[axis])
+                        })
+                        .sum();
+                    assert!(places.contains(&place), "{positions:?} {velocities:?}");
                 }
             }
         }

@@ -52,6 +52,8 @@ pub struct Meeting {
     pub piece: Id,
     /// The other piece; [`AT_BOUNDARY`] and the number of a [`Bound`].
     pub other: Id,
+    /// The flights with which the balls entered the window; one for a meeting with a [`Bound`].
+    pub owners: [Id; 2],
     /// The pieces that follow, where they have been listed and tested already: `piece`'s and `other`'s.
     pub next: [Id; 2],
     /// The balls, the lower index first; or a ball and the number of a [`Bound`].

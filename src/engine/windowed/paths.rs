@@ -155,13 +155,13 @@ impl Gas<'_> {
         }
     }
 
-    /// Follows a piece, and those after it where it meets what bounds the domain, to the end of the window: `pass` gets each
+    /// Follows a piece of a ball, which entered the window with the flight `owner`, and those after it where it meets what bounds the domain, to the end of the window: `pass` gets each
     /// piece's number with each of its cells, `meet` each such meeting, `add` numbers each further piece.
     pub fn trace(
         &self,
         id: Id,
         trajectory: Trajectory,
-        ball: u32,
+        (ball, owner): (u32, Id),
         mut add: impl FnMut(&Trajectory) -> Id,
         mut pass: impl FnMut(u32, Id),
         mut meet: impl FnMut(Meeting),
@@ -188,6 +188,7 @@ impl Gas<'_> {
                 time: time.relative_to(begin.epoch),
                 piece: id,
                 other: AT_BOUNDARY + number,
+                owners: [owner, NONE],
                 next: [next, NONE],
                 rank: (ball, number),
                 image: [0; 3],

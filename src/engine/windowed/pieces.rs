@@ -8,6 +8,7 @@ use glam::DVec3;
 use prefetch_index::prefetch_index;
 
 use super::scratch::Scratch;
+use crate::engine::turn::SIDE;
 use crate::state::Trajectory;
 
 /// The number of a piece.
@@ -84,43 +85,68 @@ impl Numbering {
 }
 
 /// A piece as the filter sees it, in f32: the straight line it lies on.
+///
+/// A row of eight numbers, the whole ones by their bits: half a cache line, always moved as a whole.
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(32))]
-pub struct Line {
-    /// Where it is at the beginning of the window, if need be drawn back to it: in grid lengths from the box's lower corner.
-    pub position: [f32; 3],
-    /// Its velocity, in grid lengths per window.
-    pub velocity: [f32; 3],
-    /// The ball it belongs to.
-    pub ball: u32,
-    /// For a flight, the piece along which the ball goes on, [`NONE`] as long as it is the flight itself; for the other pieces
-    /// the flight they follow.
-    pub link: Id,
-}
+#[repr(align(32))]
+pub struct Line(pub [f32; SIDE]);
 
 impl Line {
     /// From a position at the beginning of the window and a velocity, both in the grid's lengths.
     #[inline]
     pub fn new(position: DVec3, velocity: DVec3, ball: u32, link: Id) -> Self {
-        Self {
-            position: position.as_vec3().to_array(),
-            velocity: velocity.as_vec3().to_array(),
-            ball,
-            link,
-        }
+        let ([x, y, z], [u, v, w]) = (position.as_vec3().into(), velocity.as_vec3().into());
+        let [ball, link] = [ball, link].map(f32::from_bits);
+        Self([x, y, z, u, v, w, ball, link])
     }
 
-    /// The same with its position relative to an origin.
+    /// Where it is at the beginning of the window, if need be drawn back to it: in grid lengths from the box's lower corner.
     #[inline(always)]
-    pub fn from(&self, origin: [f32; 3]) -> Self {
-        let position = std::array::from_fn(|axis| self.position[axis] - origin[axis]);
-        Self { position, ..*self }
+    pub fn position(&self) -> [f32; 3] {
+        let Self([x, y, z, ..]) = *self;
+        [x, y, z]
+    }
+
+    /// Its velocity, in grid lengths per window.
+    #[inline(always)]
+    pub fn velocity(&self) -> [f32; 3] {
+        let Self([_, _, _, u, v, w, ..]) = *self;
+        [u, v, w]
+    }
+
+    /// The ball it belongs to.
+    #[inline(always)]
+    pub fn ball(&self) -> u32 {
+        self.0[6].to_bits()
+    }
+
+    /// For a flight, the piece along which the ball goes on, [`NONE`] as long as it is the flight itself; for the other pieces
+    /// the flight they follow.
+    #[inline(always)]
+    pub fn link(&self) -> Id {
+        self.0[7].to_bits()
+    }
+
+    /// Changes that.
+    #[inline(always)]
+    pub fn set_link(&mut self, link: Id) {
+        self.0[7] = f32::from_bits(link);
+    }
+
+    /// The same elsewhere.
+    #[inline(always)]
+    pub fn moved(&self, shift: [f32; 3]) -> Self {
+        let mut moved = *self;
+        for (axis, shift) in shift.into_iter().enumerate() {
+            moved.0[axis] += shift;
+        }
+        moved
     }
 
     /// Largest component of the velocity.
     #[inline(always)]
     pub fn speed(&self) -> f32 {
-        let [x, y, z] = self.velocity.map(f32::abs);
+        let [x, y, z] = self.velocity().map(f32::abs);
         x.max(y).max(z)
     }
 }

@@ -57,7 +57,8 @@ struct Candidate {
 impl Candidate {
     /// The meeting of two pieces in the window, if they meet in this cell.
     #[inline]
-    fn meeting(&self, gas: &Gas, pair: &[Trajectory; 2]) -> Option<Meeting> {
+    fn meeting(&self, view: &View, pair: &[Trajectory; 2]) -> Option<Meeting> {
+        let gas = &view.shelves.gas;
         let bodies = self.balls.map(|ball| gas.body(ball));
         let [radius, other_radius] = bodies.map(|body| body.radius);
         let contact = radius + other_radius;
@@ -77,6 +78,7 @@ impl Candidate {
             time: time.relative_to(gas.window.begin.epoch),
             piece: number_of(self.entries[0]),
             other: number_of(self.entries[1]),
+            owners: self.entries.map(|entry| view.owner(number_of(entry))),
             next: [NONE; 2],
             rank: (self.balls[0], self.balls[1]),
             image,
@@ -190,7 +192,7 @@ impl Region {
         }
         .run(Arch::new());
         let first = self.flights.start;
-        let ball = |flight: u32| lines[flight as usize - first].ball;
+        let ball = |flight: u32| lines[flight as usize - first].ball();
         let aside = std::mem::take(&mut self.aside);
         for aside in aside.chunks(LOADED_AT_ONCE) {
             // Loaded on their own, that the memory can be asked for several at a time.
@@ -199,14 +201,20 @@ impl Region {
             self.aside_loaded.extend(aside.iter().map(flight));
             for (&flight, index) in aside.iter().zip(0..) {
                 let trajectory = self.aside_loaded[index];
-                self.trace(gas, flight, trajectory, ball(flight), |number, after| {
-                    let place = firsts.push(
-                        *after,
-                        gas.line(after, ball(flight), flight),
-                        Origin::FLIGHT,
-                    );
-                    gas.numbering.id(FIRST, number, place)
-                });
+                self.trace(
+                    gas,
+                    flight,
+                    trajectory,
+                    (ball(flight), flight),
+                    |number, after| {
+                        let place = firsts.push(
+                            *after,
+                            gas.line(after, ball(flight), flight),
+                            Origin::FLIGHT,
+                        );
+                        gas.numbering.id(FIRST, number, place)
+                    },
+                );
             }
         }
         self.aside = aside;
@@ -218,7 +226,7 @@ impl Region {
         gas: Gas,
         id: Id,
         trajectory: Trajectory,
-        ball: u32,
+        ball_and_owner: (u32, Id),
         mut add: impl FnMut(usize, &Trajectory) -> Id,
     ) {
         let Self {
@@ -234,7 +242,7 @@ impl Region {
         gas.trace(
             id,
             trajectory,
-            ball,
+            ball_and_owner,
             |after| add(*number, after),
             |target, id| {
                 let cell = number_of(target) as usize;
@@ -335,7 +343,7 @@ impl Region {
             parents: [NONE; 2],
             ..origin
         };
-        self.trace(gas, id, trajectory, ball, |number, after| {
+        self.trace(gas, id, trajectory, (ball, owner), |number, after| {
             let line = gas.line(after, ball, owner);
             gas.numbering
                 .id(kind, number, own.push(*after, line, further))
@@ -377,7 +385,6 @@ impl Region {
             shelves,
             own: own.map(|(kind, pieces)| (*kind, &**pieces)),
         };
-        let origin = shelves.gas.grid.center(cell);
         let entries = lists.entries(cell);
         let tested = lists.tested(cell);
         let sheet = if let Some(sheet) = sheets.get_mut(cell.wrapping_sub(*on_sheets)) {
@@ -388,28 +395,28 @@ impl Region {
         };
         pairs.empty();
         let first = tested.max(1);
-        let pieces = Passers {
-            view,
-            entries,
-            origin,
-        };
+        let pieces = Passers { view, entries };
+        let middle = shelves.gas.grid.center(cell);
         if shelves.gas.is_periodic() {
-            filter.find(sheet, Images(pieces), first, pairs);
+            filter.find(sheet, Images(pieces), first, middle, pairs);
         } else {
-            filter.find(sheet, pieces, first, pairs);
+            filter.find(sheet, pieces, first, middle, pairs);
         }
         lists.set_tested(cell);
         let entries = lists.entries(cell);
         for &(row, other) in pairs.iter() {
             let entries = [row, other].map(|row| entries[row as usize]);
             let ids = entries.map(number_of);
-            let balls = [row, other].map(|row| sheet.rows()[row as usize].ball);
+            let balls = [row, other].map(|row| sheet.rows()[row as usize].ball());
             let origins = ids.map(|id| view.origin(id));
             if balls[0] == balls[1]
                 || origins[0].parents.contains(&ids[1])
                 || origins[1].parents.contains(&ids[0])
             {
                 continue;
+            }
+            for ball in balls {
+                prefetch_index(&shelves.gas.state.trajectories, ball as usize);
             }
             let in_order = balls[0] < balls[1];
             let sorted = |pair: [u32; 2]| if in_order { pair } else { [pair[1], pair[0]] };
@@ -454,7 +461,11 @@ impl Region {
         }));
         for (index, candidate) in candidates.iter().enumerate() {
             let pair = self.loaded[index];
-            let Some(mut meeting) = candidate.meeting(&gas, &pair) else {
+            let view = View {
+                shelves,
+                own: own.as_deref().map(|(kind, pieces)| (*kind, &**pieces)),
+            };
+            let Some(mut meeting) = candidate.meeting(&view, &pair) else {
                 continue;
             };
             let ids = [meeting.piece, meeting.other];
@@ -463,11 +474,6 @@ impl Region {
                 && pieces.lines.len() < MOST_FORESEEN[0] * self.flights.len() + MOST_FORESEEN[1]
                 && is_first(&gas, ids, meeting.time, (*kind, pieces))
             {
-                let view = View {
-                    shelves,
-                    own: Some((*kind, pieces)),
-                };
-                let owners = ids.map(|id| view.owner(id));
                 let time = gas.window.instant(meeting.time);
                 let bodies = candidate.balls.map(|ball| gas.body(ball));
                 let shift = candidate.image(&gas).1;
@@ -476,7 +482,7 @@ impl Region {
                     meeting.next[one] = self.begin(
                         gas,
                         after[one],
-                        (candidate.balls[one], owners[one]),
+                        (candidate.balls[one], meeting.owners[one]),
                         Origin {
                             parents: ids,
                             generation: candidate.generation + 1,

@@ -2,34 +2,33 @@
 
 use pulp::Simd;
 
+use super::grid::Entry;
 use super::pieces::Line;
 use crate::engine::turn::{SIDE, turn};
 
 /// Rows of a block: a multiple of the widest vectors.
 pub const LANES: usize = 16;
 
+/// Parts of a block that are turned one by one.
+pub const PARTS: usize = LANES / SIDE;
+
 /// A coordinate that nothing comes near to, whose square still is a number.
 const FAR: f32 = 1e15;
 
-/// A piece in a cell: as a [`Line`], with its position relative to the cell's centre.
+/// A piece in a cell, at the image that is there.
 pub type Row = Line;
 
 /// The pieces of a cell.
 pub trait Rows {
-    /// How many there are.
-    fn count(&self) -> usize;
+    /// The cell's list.
+    fn entries(&self) -> &[Entry];
 
-    /// One of them.
-    fn row(&self, number: usize) -> Row;
+    /// A piece of the list.
+    fn row(&self, entry: Entry) -> Row;
 }
 
 /// What stands for no piece.
-const NOBODY: Row = Row {
-    position: [FAR; 3],
-    velocity: [0.0; 3],
-    ball: 0,
-    link: 0,
-};
+pub const NOBODY: Row = Line([FAR, FAR, FAR, 0.0, 0.0, 0.0, 0.0, 0.0]);
 
 /// The columns of some rows: `x, y, z` and the velocity's `x, y, z`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -37,14 +36,13 @@ const NOBODY: Row = Row {
 pub struct Block([[f32; LANES]; 6]);
 
 impl Block {
-    /// Fills it from rows.
+    /// Fills one of its parts from rows.
     #[inline(always)]
-    pub fn turn<S: Simd>(&mut self, simd: S, rows: [&Row; LANES]) {
-        for (number, rows) in rows.as_chunks::<SIDE>().0.iter().enumerate() {
-            let columns = turn(simd, rows.map(numbers));
-            for (column, values) in self.0.iter_mut().zip(columns) {
-                column[number * SIDE..][..SIDE].copy_from_slice(&values);
-            }
+    pub fn turn<S: Simd>(&mut self, simd: S, part: usize, rows: &[Row; SIDE]) {
+        let [a, b, c, d, e, f, g, h] = rows;
+        let columns = turn(simd, [a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0]);
+        for (column, values) in self.0.iter_mut().zip(columns) {
+            column[part * SIDE..][..SIDE].copy_from_slice(&values);
         }
     }
 
@@ -65,14 +63,6 @@ impl Block {
             ],
         ]
     }
-}
-
-/// A row's numbers, side by side.
-#[inline(always)]
-fn numbers(row: &Row) -> [f32; SIDE] {
-    let ([x, y, z], [u, v, w]) = (row.position, row.velocity);
-    let [ball, link] = [f32::from_bits(row.ball), f32::from_bits(row.link)];
-    [x, y, z, u, v, w, ball, link]
 }
 
 /// The pieces of a cell, in the order of its list.
@@ -106,23 +96,24 @@ impl Sheet {
     /// Adds those pieces of a cell that are not in it yet.
     #[inline(always)]
     pub fn fill<S: Simd>(&mut self, simd: S, pieces: &impl Rows) {
-        let count = pieces.count();
-        let padded = count.next_multiple_of(LANES);
+        let entries = pieces.entries();
+        let padded = entries.len().next_multiple_of(LANES);
         if padded > self.rows.len() {
             self.rows.resize(padded, NOBODY);
             self.blocks.resize(padded / LANES, Block::default());
         }
         let first = self.count;
-        self.count = count;
-        let (rows, nobody) = self.rows[..padded].split_at_mut(count);
-        for (number, row) in rows.iter_mut().enumerate().skip(first) {
-            *row = pieces.row(number);
+        self.count = entries.len();
+        let (rows, nobody) = self.rows[..padded].split_at_mut(entries.len());
+        for (row, &entry) in rows[first..].iter_mut().zip(&entries[first..]) {
+            *row = pieces.row(entry);
         }
         nobody.fill(NOBODY);
         let block = first / LANES;
-        let rows = self.rows[block * LANES..padded].as_chunks::<LANES>().0;
-        for (block, rows) in self.blocks[block..].iter_mut().zip(rows) {
-            block.turn(simd, rows.each_ref());
+        let rows = self.rows[block * LANES..padded].as_chunks::<SIDE>().0;
+        for (number, rows) in rows.iter().enumerate() {
+            let block = &mut self.blocks[block + number / PARTS];
+            block.turn(simd, number % PARTS, rows);
         }
     }
 }
@@ -136,22 +127,17 @@ mod tests {
     struct Fill<'a>(&'a mut Sheet, Numbers);
 
     /// Rows that hold numbers.
-    #[derive(Clone, Copy)]
-    struct Numbers(usize);
+    struct Numbers(Vec<Entry>);
 
     impl Rows for Numbers {
-        fn count(&self) -> usize {
-            self.0
+        fn entries(&self) -> &[Entry] {
+            &self.0
         }
 
-        fn row(&self, number: usize) -> Row {
-            let value = |column: usize| (10 * number + column) as f32;
-            Row {
-                position: std::array::from_fn(value),
-                velocity: std::array::from_fn(|axis| value(3 + axis)),
-                ball: number as u32,
-                link: 7,
-            }
+        fn row(&self, entry: Entry) -> Row {
+            Line(std::array::from_fn(|column| {
+                (10 * entry as usize + column) as f32
+            }))
         }
     }
 
@@ -172,8 +158,8 @@ mod tests {
                 fast.clear();
                 plain.clear();
             }
-            Arch::new().dispatch(Fill(&mut fast, Numbers(count)));
-            Fill(&mut plain, Numbers(count)).with_simd(Scalar::new());
+            Arch::new().dispatch(Fill(&mut fast, Numbers((0..count as Entry).collect())));
+            Fill(&mut plain, Numbers((0..count as Entry).collect())).with_simd(Scalar::new());
             for sheet in [&fast, &plain] {
                 assert_eq!(sheet.rows().len(), count);
                 for (place, block) in sheet.blocks().iter().enumerate() {

@@ -66,7 +66,7 @@ impl<'a> View<'a> {
     pub fn owner(&self, id: Id) -> Id {
         match self.shelves.gas.numbering.piece(id) {
             Piece::Flight(_) => id,
-            Piece::Other(..) => self.line(id).link,
+            Piece::Other(..) => self.line(id).link(),
         }
     }
 }
@@ -77,19 +77,17 @@ pub struct Passers<'a> {
     pub view: View<'a>,
     /// The cell's list.
     pub entries: &'a [Entry],
-    /// The cell's centre.
-    pub origin: [f32; 3],
 }
 
 impl Rows for Passers<'_> {
     #[inline(always)]
-    fn count(&self) -> usize {
-        self.entries.len()
+    fn entries(&self) -> &[Entry] {
+        self.entries
     }
 
     #[inline(always)]
-    fn row(&self, number: usize) -> Row {
-        self.view.line(self.entries[number]).from(self.origin)
+    fn row(&self, entry: Entry) -> Row {
+        *self.view.line(entry)
     }
 }
 
@@ -98,21 +96,19 @@ pub struct Images<'a>(pub Passers<'a>);
 
 impl Rows for Images<'_> {
     #[inline(always)]
-    fn count(&self) -> usize {
-        self.0.count()
+    fn entries(&self) -> &[Entry] {
+        self.0.entries
     }
 
     #[inline(always)]
-    fn row(&self, number: usize) -> Row {
-        let Passers {
-            view,
-            entries,
-            origin,
-        } = self.0;
-        let entry = entries[number];
+    fn row(&self, entry: Entry) -> Row {
+        let view = self.0.view;
+        let line = view.line(number_of(entry));
+        if image_of(entry) == 0 {
+            return *line;
+        }
         let grid = view.shelves.gas.grid;
         let shift = grid.shift(image_of(entry)) * grid.scale;
-        let origin = std::array::from_fn(|axis| origin[axis] - shift[axis] as f32);
-        view.line(number_of(entry)).from(origin)
+        line.moved(shift.as_vec3().into())
     }
 }

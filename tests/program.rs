@@ -755,7 +755,7 @@ fn check_knows_how_much_memory_a_run_takes() {
     fs::write(directory.path().join("scene.toml"), scene).expect("a small file");
     let check = output(&directory, &["check", "scene.toml", "--json"]);
     let report: Value = serde_json::from_slice(&check.stdout).expect("JSON");
-    let options = ["--until", "1e-6", "--sample", "1", "--summary", "out.json"];
+    let options = ["--until", "0.2", "--sample", "1", "--summary", "out.json"];
     let run = output(&directory, &[&["run", "scene.toml"][..], &options].concat());
     assert!(run.status.success(), "{}", text(&run.stderr));
     let taken = json(&directory, "out.json")["peak_rss_bytes"].as_f64();

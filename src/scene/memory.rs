@@ -19,6 +19,10 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     /// Engine `windowed`: trajectory, collisions, place in a window, start of the echo; placement while it is made, or the
     /// copy for a checkpoint.
     const WINDOWED: u64 = 347;
+    /// The same where balls are near each other: in a window more meetings and paths are foreseen.
+    const WINDOWED_NEAR: u64 = 650;
+    /// Up to which mean spacing that is so, in diameters.
+    const NEAR: f64 = 4.0;
     /// Engine `event`: trajectory, collisions, candidate, event, range of cells, start of the echo.
     const EVENT: f64 = 148.0;
     /// What a dense gas takes beside its lists of neighbours, memory that was freed meanwhile and not given back included.
@@ -30,7 +34,14 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     /// What the copy for a checkpoint, and its bytes on their way to the disk, add to that.
     const CHECKPOINT: u64 = 125;
     if Windowed::pays(placement) {
-        return WINDOWED;
+        let largest = placement.bodies.iter().map(|body| body.radius);
+        let diameter = 2.0 * largest.fold(0.0, f64::max);
+        let spacing = (placement.domain.volume() / placement.positions.len() as f64).cbrt();
+        return if spacing < NEAR * diameter {
+            WINDOWED_NEAR
+        } else {
+            WINDOWED
+        };
     }
     let periodic = placement.domain.boundary == Boundary::Periodic;
     let kinds = placement.bodies.len() > 1;

@@ -30,8 +30,8 @@ const SHORTEST_WINDOW: f64 = 1.0 / (1_u64 << 40) as f64;
 /// From which numbers of balls, and at which mean spacing in diameters, this engine is the faster one (measured).
 const FEW_BALLS: usize = 1000;
 const MANY_BALLS: usize = 20_000;
-const DILUTE_FEW: f64 = 1.6;
-const DILUTE_MANY: f64 = 1.35;
+const DILUTE_FEW: f64 = 1.5;
+const DILUTE_MANY: f64 = 1.15;
 
 /// Largest radius in smallest ones up to which the filter, which knows the largest only, lets little through in vain.
 const SIMILAR_SIZE: f64 = 4.0;

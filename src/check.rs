@@ -21,14 +21,9 @@ pub fn assumed_speed(placement: &Placement) -> f64 {
     const BEYOND_CACHES: usize = 50_000;
     const DENSE: f64 = 3.0;
     let count = placement.positions.len();
-    let spacing = (placement.domain.volume() / count.max(1) as f64).cbrt();
-    let largest = placement
-        .bodies
-        .iter()
-        .fold(0.0, |largest: f64, body| largest.max(body.radius));
     if Windowed::pays(placement) || count < BEYOND_CACHES {
         300_000.0
-    } else if spacing < DENSE * 2.0 * largest {
+    } else if placement.spacing() < DENSE * 2.0 * placement.largest_radius() {
         100_000.0
     } else {
         15_000.0

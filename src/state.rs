@@ -138,6 +138,20 @@ pub struct Placement {
     pub velocities: Vec<DVec3>,
 }
 
+impl Placement {
+    /// Largest radius of any ball \[length\]; zero if there are none.
+    pub fn largest_radius(&self) -> f64 {
+        let radii = self.bodies.iter().map(|body| body.radius);
+        radii.fold(0.0, f64::max)
+    }
+
+    /// Mean spacing of the balls, the edge of a cube as large as each one's share of the domain \[length\].
+    pub fn spacing(&self) -> f64 {
+        let count = self.positions.len().max(1);
+        (self.domain.volume() / count as f64).cbrt()
+    }
+}
+
 /// The gas.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {

@@ -18,32 +18,7 @@ pub type Square = [[f32; SIDE]; SIDE];
 pub fn turn<S: Simd>(simd: S, rows: Square) -> Square {
     #[cfg(target_arch = "x86_64")]
     if let Some(simd) = as_v3(simd) {
-        // Named one by one: a closure for them all is not always built into the caller's code.
-        let [a, b, c, d, e, f, g, h] = rows;
-        let columns = turn_wide(
-            simd,
-            [
-                cast(a),
-                cast(b),
-                cast(c),
-                cast(d),
-                cast(e),
-                cast(f),
-                cast(g),
-                cast(h),
-            ],
-        );
-        let [a, b, c, d, e, f, g, h] = columns;
-        return [
-            cast(a),
-            cast(b),
-            cast(c),
-            cast(d),
-            cast(e),
-            cast(f),
-            cast(g),
-            cast(h),
-        ];
+        return turn_wide(simd, rows);
     }
     std::array::from_fn(|column| rows.map(|row| row[column]))
 }
@@ -58,15 +33,17 @@ pub fn as_v3<S: Simd>(simd: S) -> Option<V3> {
 /// By pairs of rows, then by fours, then all eight.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-fn turn_wide(V3 { avx, .. }: V3, rows: [__m256; SIDE]) -> [__m256; SIDE] {
+fn turn_wide(V3 { avx, .. }: V3, rows: Square) -> Square {
     const FIRST: i32 = 0b01_00_01_00;
     const SECOND: i32 = 0b11_10_11_10;
     const LOWER: i32 = 0x20;
     const UPPER: i32 = 0x31;
     let pair = |one: usize| {
+        // One by one: what maps all rows is not always built into the caller's code.
+        let [row, next]: [__m256; 2] = [cast(rows[one]), cast(rows[one + 1])];
         [
-            avx._mm256_unpacklo_ps(rows[one], rows[one + 1]),
-            avx._mm256_unpackhi_ps(rows[one], rows[one + 1]),
+            avx._mm256_unpacklo_ps(row, next),
+            avx._mm256_unpackhi_ps(row, next),
         ]
     };
     // Of four rows: each vector with what it has of a column and of the fourth one after it.
@@ -81,14 +58,14 @@ fn turn_wide(V3 { avx, .. }: V3, rows: [__m256; SIDE]) -> [__m256; SIDE] {
     let [a, b, c, d] = four(pair(0), pair(2));
     let [e, f, g, h] = four(pair(4), pair(6));
     [
-        avx._mm256_permute2f128_ps::<LOWER>(a, e),
-        avx._mm256_permute2f128_ps::<LOWER>(b, f),
-        avx._mm256_permute2f128_ps::<LOWER>(c, g),
-        avx._mm256_permute2f128_ps::<LOWER>(d, h),
-        avx._mm256_permute2f128_ps::<UPPER>(a, e),
-        avx._mm256_permute2f128_ps::<UPPER>(b, f),
-        avx._mm256_permute2f128_ps::<UPPER>(c, g),
-        avx._mm256_permute2f128_ps::<UPPER>(d, h),
+        cast(avx._mm256_permute2f128_ps::<LOWER>(a, e)),
+        cast(avx._mm256_permute2f128_ps::<LOWER>(b, f)),
+        cast(avx._mm256_permute2f128_ps::<LOWER>(c, g)),
+        cast(avx._mm256_permute2f128_ps::<LOWER>(d, h)),
+        cast(avx._mm256_permute2f128_ps::<UPPER>(a, e)),
+        cast(avx._mm256_permute2f128_ps::<UPPER>(b, f)),
+        cast(avx._mm256_permute2f128_ps::<UPPER>(c, g)),
+        cast(avx._mm256_permute2f128_ps::<UPPER>(d, h)),
     ]
 }
 

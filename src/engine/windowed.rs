@@ -30,6 +30,7 @@ mod region;
 mod scratch;
 mod sheet;
 mod shelves;
+mod touch;
 mod tuning;
 
 use std::collections::BinaryHeap;

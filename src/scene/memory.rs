@@ -34,14 +34,8 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     /// What the copy for a checkpoint, and its bytes on their way to the disk, add to that.
     const CHECKPOINT: u64 = 125;
     if Windowed::pays(placement) {
-        let largest = placement.bodies.iter().map(|body| body.radius);
-        let diameter = 2.0 * largest.fold(0.0, f64::max);
-        let spacing = (placement.domain.volume() / placement.positions.len() as f64).cbrt();
-        return if spacing < NEAR * diameter {
-            WINDOWED_NEAR
-        } else {
-            WINDOWED
-        };
+        let near = placement.spacing() < NEAR * 2.0 * placement.largest_radius();
+        return if near { WINDOWED_NEAR } else { WINDOWED };
     }
     let periodic = placement.domain.boundary == Boundary::Periodic;
     let kinds = placement.bodies.len() > 1;

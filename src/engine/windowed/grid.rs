@@ -35,9 +35,9 @@ pub type Entry = Seen;
 pub struct Grid {
     counts: Place,
     /// Places at which balls are listed, both ends included: with the layer around the cells in a periodic box.
-    pub lowest: i32,
+    lowest: i32,
     /// See `lowest`.
-    pub highest: Place,
+    highest: Place,
     half_size: DVec3,
     period: DVec3,
     width: DVec3,
@@ -407,9 +407,11 @@ pub struct Tails<'a> {
 /// Whether an entry is listed now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Inserted {
+    /// It is.
     Yes,
     /// Its cell is listed elsewhere.
     Elsewhere,
+    /// Its cell's list must be widened first.
     NoRoom,
 }
 

@@ -155,8 +155,9 @@ impl Gas<'_> {
         }
     }
 
-    /// Follows a piece of a ball, which entered the window with the flight `owner`, and those after it where it meets what bounds the domain, to the end of the window: `pass` gets each
-    /// piece's number with each of its cells, `meet` each such meeting, `add` numbers each further piece.
+    /// Follows a piece of a ball, which entered the window with the flight `owner`, and those after it where it meets what bounds
+    /// the domain, to the end of the window: `pass` gets each piece's number with each of its cells, `meet` each such meeting,
+    /// `add` numbers each further piece.
     pub fn trace(
         &self,
         id: Id,

@@ -140,6 +140,15 @@ pub struct Region {
 /// The pieces that a region adds in a phase, with their kind.
 type Own<'p> = (usize, &'p mut Pieces);
 
+/// Where pieces are found while these are added.
+#[inline(always)]
+fn view<'a>(shelves: &'a Shelves<'a>, own: Option<&'a Own>) -> View<'a> {
+    View {
+        shelves,
+        own: own.map(|(kind, pieces)| (*kind, &**pieces)),
+    }
+}
+
 /// Notes a meeting at the region's own pieces; gives whether it is the first so far of each of them. One that is not will hardly
 /// come about, so what would follow is not worth foreseeing.
 fn is_first(gas: &Gas, ids: [Id; 2], time: f64, (kind, pieces): (usize, &mut Pieces)) -> bool {
@@ -263,8 +272,8 @@ impl Region {
         for &(entry, cell) in mail {
             let cell = cell as usize;
             if cells.contains(&cell) {
-                let view = View { shelves, own: None };
-                self.filter.allow(view.line(number_of(entry)).speed());
+                let line = view(shelves, None).line(number_of(entry));
+                self.filter.allow(line.speed());
                 if self.lists.insert(cell, entry) && cell < self.searched {
                     self.pending.push(cell as u32);
                 }
@@ -381,10 +390,7 @@ impl Region {
             candidates,
             ..
         } = self;
-        let view = View {
-            shelves,
-            own: own.map(|(kind, pieces)| (*kind, &**pieces)),
-        };
+        let view = view(shelves, own);
         let entries = lists.entries(cell);
         let tested = lists.tested(cell);
         let sheet = if let Some(sheet) = sheets.get_mut(cell.wrapping_sub(*on_sheets)) {
@@ -446,26 +452,19 @@ impl Region {
         candidates: &[Candidate],
     ) {
         let gas = shelves.gas;
-        let view = View {
-            shelves,
-            own: own.as_deref().map(|(kind, pieces)| (*kind, &**pieces)),
-        };
+        let found = view(shelves, own.as_deref());
         // Loaded on their own, that the memory can be asked for several at a time.
         self.loaded.clear();
         self.loaded.extend(candidates.iter().map(|candidate| {
             let [first, second] = candidate.entries.map(number_of);
             [
-                *view.trajectory(first, candidate.balls[0]),
-                *view.trajectory(second, candidate.balls[1]),
+                *found.trajectory(first, candidate.balls[0]),
+                *found.trajectory(second, candidate.balls[1]),
             ]
         }));
         for (index, candidate) in candidates.iter().enumerate() {
             let pair = self.loaded[index];
-            let view = View {
-                shelves,
-                own: own.as_deref().map(|(kind, pieces)| (*kind, &**pieces)),
-            };
-            let Some(mut meeting) = candidate.meeting(&view, &pair) else {
+            let Some(mut meeting) = candidate.meeting(&view(shelves, own.as_deref()), &pair) else {
                 continue;
             };
             let ids = [meeting.piece, meeting.other];

@@ -39,7 +39,7 @@ const SIMILAR_SIZE: f64 = 4.0;
 /// Whether the windowed engine can run a gas: a container, perhaps with planes, or a periodic box that is wider than any ball;
 /// every ball free to move, some moving.
 pub fn supports(gas: &Placement) -> bool {
-    is_suitable(&gas.domain, largest_radius(gas))
+    is_suitable(&gas.domain, gas.largest_radius())
         && gas.bodies.iter().all(|body| body.mass.is_finite())
         && gas.positions.len() < MOST_BALLS
         && gas
@@ -60,18 +60,10 @@ pub fn is_suitable(domain: &Domain, largest_radius: f64) -> bool {
     }
 }
 
-fn largest_radius(gas: &Placement) -> f64 {
-    gas.bodies
-        .iter()
-        .map(|body| body.radius)
-        .fold(0.0, f64::max)
-}
-
 /// Whether the windowed engine is faster than `event` for a gas: enough balls of like size that can meet, far enough apart.
 pub fn pays(gas: &Placement) -> bool {
     let count = gas.positions.len();
-    let spacing = (gas.domain.volume() / count as f64).cbrt();
-    let largest = largest_radius(gas);
+    let largest = gas.largest_radius();
     let smallest = gas
         .bodies
         .iter()
@@ -85,7 +77,7 @@ pub fn pays(gas: &Placement) -> bool {
     largest > 0.0
         && count >= FEW_BALLS
         && largest <= SIMILAR_SIZE * smallest
-        && spacing >= dilute * 2.0 * largest
+        && gas.spacing() >= dilute * 2.0 * largest
         && supports(gas)
 }
 

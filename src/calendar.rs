@@ -3,11 +3,12 @@
 //! Three kinds keep the same promise and give the same events in the same order, bit for bit; they differ in what they cost.
 //! The engine is generic over them, so the choice costs nothing while it runs.
 //!
-//! * [`Indexed`]: a heap with one event per ball. The default: small, and the fastest in most scenes.
+//! * [`Indexed`]: a heap with one event per ball: small, and the fastest where the balls are few or dense.
 //! * [`Lazy`]: a heap that everything is pushed into; what is outdated is thrown away when it comes to the top. It holds
 //!   more than one event per ball, and is here to show that.
 //! * [`Bounded`]: a ring of short lists over a window of time, with a heap for the list that is due. The cost of an event does
-//!   not depend on the number of balls.
+//!   not depend on the number of balls, and which events come next is known: the fastest in a large gas, where the memory they
+//!   need is asked for ahead of their turn.
 
 mod bounded;
 mod indexed;
@@ -38,6 +39,12 @@ pub trait Calendar: Send {
     /// Some events of which one is likely to be the earliest once the present one is done; none where that is not known.
     fn soon(&self) -> &[Event] {
         &[]
+    }
+
+    /// One more of the events whose turn comes before long, in no strict order and each once; `None` where all of them have been
+    /// given, or where they are not known. Not all events are given: some come unforeseen.
+    fn approaching(&mut self) -> Option<Event> {
+        None
     }
 
     /// Makes `event` the event of its ball, instead of any it had. Times are not negative.

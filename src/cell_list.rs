@@ -12,6 +12,7 @@
 use std::marker::PhantomData;
 
 use glam::{DVec3, IVec3};
+use prefetch_index::prefetch_index;
 
 use crate::domain::{AnyBoundary, Boundary, Domain, KnownBoundary};
 use crate::event::Wall;
@@ -297,6 +298,47 @@ impl<B: KnownBoundary> CellList<B> {
             i32::from(high >= count) - i32::from(high < 0)
         });
         only.then_some(IVec3::from_array(image))
+    }
+
+    /// Asks for the memory of the range of a ball.
+    #[inline]
+    pub fn prefetch_range(&self, ball: usize) {
+        prefetch_index(&self.ranges, ball);
+    }
+
+    /// Asks for the memory of the cells of a ball, and of those it reaches into when it next crosses along an axis.
+    #[inline]
+    pub fn prefetch_cells(&self, ball: usize, crossing: Option<(usize, f64)>) {
+        let mut range = self.ranges[ball];
+        if let Some((axis, velocity)) = crossing {
+            range.low[axis] -= i16::from(velocity < 0.0);
+            range.high[axis] += i16::from(velocity > 0.0);
+        }
+        range.for_each(|cell| {
+            let place = self.place(cell);
+            prefetch_index(&self.lengths, place);
+            prefetch_index(&self.balls, place * self.capacity);
+        });
+    }
+
+    /// Visits the company that a ball will look at: in all its cells, or in those it reaches into when it next crosses along an axis.
+    #[inline]
+    pub fn for_each_company_ahead(
+        &self,
+        ball: usize,
+        crossing: Option<(usize, f64)>,
+        mut visit: impl FnMut(Company),
+    ) {
+        let mut range = self.ranges[ball];
+        if let Some((axis, velocity)) = crossing {
+            let next = if velocity > 0.0 {
+                range.high[axis] + 1
+            } else {
+                range.low[axis] - 1
+            };
+            (range.low[axis], range.high[axis]) = (next, next);
+        }
+        range.for_each(|cell| visit(self.company(cell)));
     }
 
     #[inline]

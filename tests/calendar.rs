@@ -87,6 +87,9 @@ fn compare<C: Calendar>(balls: u32, operations: usize, seed: u64, exact: bool) {
             }
         }
         assert_eq!(calendar.first(), list.first());
+        if let Some(event) = calendar.approaching() {
+            assert_eq!(list.0[event.ball as usize], Some(event));
+        }
         let count = list.0.iter().flatten().count();
         assert!(calendar.len() == count || (!exact && calendar.len() > count));
     }
@@ -114,6 +117,37 @@ fn the_bounded_calendar_gives_the_same_first_event_as_a_linear_search() {
     a_million_operations::<Bounded>(true);
 }
 
+/// As in a gas: each event is followed by another of its ball, some time later.
+#[test]
+fn the_bounded_calendar_says_what_comes_before_long() {
+    const BALLS: u32 = 5000;
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(8);
+    let mut event = |ball: u32, now: f64| {
+        let wait = -random.random::<f64>().ln();
+        Event::new(now + wait, ball, EventKind::Crossing { axis: 0 })
+    };
+    let mut calendar = Bounded::new(BALLS as usize);
+    let events: Vec<Event> = (0..BALLS).map(|ball| event(ball, 0.0)).collect();
+    calendar.rebase(0.0, events.into_iter());
+    let mut given = vec![None; BALLS as usize];
+    let [mut foreseen, mut early] = [0; 2];
+    for _ in 0..10 * BALLS {
+        let first = calendar.first().expect("every ball has an event");
+        for _ in 0..2 {
+            if let Some(event) = calendar.approaching() {
+                assert_ne!(given[event.ball as usize], Some(event), "given twice");
+                given[event.ball as usize] = Some(event);
+                // Some hundred times the mean time between two events.
+                early += u32::from(event.time > first.time + 100.0 / f64::from(BALLS));
+            }
+        }
+        foreseen += u32::from(given[first.ball as usize] == Some(first));
+        calendar.set(event(first.ball, first.time));
+    }
+    assert!(foreseen > 10 * BALLS / 100 * 95, "{foreseen}");
+    assert_eq!(early, 0);
+}
+
 /// Hash of the state after `time`, and the most events ever in the calendar.
 fn run<C: Calendar + Clone>(n: usize, seed: u64, time: f64) -> (u64, u64) {
     let mut engine = EventDriven::<C>::with_calendar(State::new(&seed_scene(n, seed)));
@@ -139,4 +173,11 @@ fn a_run_does_not_depend_on_the_calendar_but_only_the_lazy_one_grows() {
             "{longest} events of {balls} balls"
         );
     }
+}
+
+/// There are so many balls that the engine asks for their memory ahead of their turn.
+#[test]
+fn a_large_gas_does_not_depend_on_the_calendar_either() {
+    let indexed = run::<Indexed>(28, 5, 0.2);
+    assert_eq!(run::<Bounded>(28, 5, 0.2), indexed);
 }

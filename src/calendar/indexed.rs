@@ -92,6 +92,12 @@ impl Calendar for Indexed {
 }
 
 impl Indexed {
+    /// Asks for the memory of a ball's place.
+    #[inline]
+    pub fn prefetch(&self, ball: u32) {
+        prefetch_index(&self.place_of, ball as usize);
+    }
+
     /// Adds a free place at the end.
     fn grow(&mut self) -> usize {
         let place = self.end;

@@ -8,7 +8,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::calendar::Indexed;
 use crate::engine::windowed::Windowed;
 use crate::engine::{self, Counters, Engine, Stuck, Tally, event_driven};
 use crate::event::Collision;
@@ -146,7 +145,7 @@ impl Method {
     }
 
     fn event(state: State, tally: Tally) -> Self {
-        Self::Event(event_driven::fitting::<Indexed>(state, Some(tally)))
+        Self::Event(event_driven::usual(state, Some(tally)))
     }
 }
 

@@ -12,6 +12,7 @@
 //! A ball whose centre leaves a periodic box changes its trajectory as at a wall: it goes on from the opposite face. A pair
 //! is then looked at with one of the two moved by whole boxes.
 
+mod ahead;
 mod needs;
 mod search;
 mod shells;
@@ -21,7 +22,7 @@ use std::marker::PhantomData;
 
 use prefetch_index::prefetch_index;
 
-use crate::calendar::{Calendar, Indexed};
+use crate::calendar::{Bounded, Calendar, Indexed};
 use crate::cell_list::CellList;
 use crate::collision::{image_pair_time, plane_time, wall_time};
 use crate::domain::{Boundary, Walls, Wrapped};
@@ -29,6 +30,7 @@ use crate::engine::contact::{self, InstantWatch};
 use crate::engine::{Counters, Engine, Saved, Stuck, Tally};
 use crate::event::{Collision, Event, EventKind, Wall};
 use crate::state::{Body, State, Time, Trajectory};
+use ahead::{Ahead, balls, crossing};
 pub use needs::General;
 use needs::{Needs, Plain};
 use search::Candidate;
@@ -52,6 +54,18 @@ const BEYOND_CACHES: usize = 20_000;
 pub fn cell_width(volume: f64, count: usize, mean_radius: f64) -> f64 {
     let spacing = (volume / count.max(1) as f64).cbrt();
     (SPACINGS_PER_CELL * spacing).max(DIAMETERS_PER_CELL * 2.0 * mean_radius)
+}
+
+/// The engine for a state with the faster calendar, otherwise as [`fitting`]: bins where the memory of the events must be asked for
+/// ahead of their turn, and a heap for few balls or dense ones, whose neighbours are at hand (measured).
+pub fn usual(state: State, tally: Option<Tally>) -> Box<dyn Engine> {
+    let (volume, count) = (state.domain.volume(), state.ball_count());
+    let dense = shell_radius(volume, count, state.bodies.mean_radius()).is_some();
+    if count > BEYOND_CACHES && !dense {
+        fitting::<Bounded>(state, tally)
+    } else {
+        fitting::<Indexed>(state, tally)
+    }
 }
 
 /// The engine for a state, with what its scene does not need left out of the loop; goes on from a tally if there is one.
@@ -104,6 +118,7 @@ pub struct EventDriven<C: Calendar = Indexed, N: Needs = General, S = CellList<N
     base: u64,
     candidates: Vec<Candidate>,
     reads_ahead: bool,
+    ahead: Ahead,
     instants: InstantWatch,
     counters: Counters,
 }
@@ -155,6 +170,7 @@ impl<C: Calendar, N: Needs, S: Surroundings<N>> EventDriven<C, N, S> {
             base: 0,
             candidates: Vec::new(),
             reads_ahead: count > BEYOND_CACHES,
+            ahead: Ahead::new(),
             instants: InstantWatch::new(count),
             counters: Counters::default(),
             interacting: state.bodies.largest_radius() > 0.0 && count > 1,
@@ -290,27 +306,39 @@ impl<C: Calendar, N: Needs, S: Surroundings<N>> EventDriven<C, N, S> {
         }
     }
 
-    /// Asks for the memory of the balls whose events come soon, and of all that those of the next one will look at.
+    /// Asks for the memory of the events that come before long: the calendar knows them by name, or just some of which one is next.
     #[inline]
-    fn read_ahead(&self) {
-        let balls = |event: &Event| match event.kind() {
-            EventKind::Pair { partner } => [event.ball as usize, partner as usize],
-            _ => [event.ball as usize; 2],
-        };
+    fn read_ahead(&mut self) {
+        // A step more than one for each event keeps up with bins of any length.
+        for _ in 0..2 {
+            if let Some(event) = self.calendar.approaching() {
+                self.prefetch(&event);
+                self.ahead.see(event, &self.state, &self.surroundings);
+            }
+        }
         let soon = self.calendar.soon();
         for event in soon {
-            for ball in balls(event) {
-                prefetch_index(&self.state.trajectories, ball);
-                prefetch_index(&self.state.collisions, ball);
-                prefetch_index(&self.candidates, ball);
-                self.surroundings.prefetch(ball);
-            }
+            self.prefetch(event);
         }
         let next = soon
             .iter()
             .min_by(|one, other| one.time.total_cmp(&other.time));
-        for ball in next.map(balls).into_iter().flatten() {
-            self.surroundings.prefetch_known(&self.state, ball);
+        if let Some(event) = next {
+            for ball in balls(event) {
+                let axis = crossing(event);
+                self.surroundings.prefetch_known(&self.state, ball, axis);
+            }
+        }
+    }
+
+    /// Asks for the memory of an event's balls.
+    #[inline]
+    fn prefetch(&self, event: &Event) {
+        for ball in balls(event) {
+            prefetch_index(&self.state.trajectories, ball);
+            prefetch_index(&self.state.collisions, ball);
+            prefetch_index(&self.candidates, ball);
+            self.surroundings.prefetch(ball);
         }
     }
 

@@ -10,7 +10,7 @@ use crate::state::{Placement, State, Time};
 use crate::worker::engines::{CalendarName, Choice};
 
 /// The event-driven engine with its usual calendar.
-pub const EVENT: Choice = Choice::Event(CalendarName::Indexed);
+pub const EVENT: Choice = Choice::Event(CalendarName::Auto);
 
 /// The windowed engine on one thread: the same collisions, for containers only.
 pub const WINDOWED: Choice = Choice::Windowed(1);

@@ -40,12 +40,14 @@ pub enum EngineName {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum CalendarName {
     /// A heap of one event per ball
-    #[default]
     Indexed,
     /// A heap of all events there were, which shows how it grows
     Lazy,
     /// Bins of time, whose cost does not grow with the number of balls
     Bounded,
+    /// The faster of `bounded` and `indexed`: bounded in a gas of many balls
+    #[default]
+    Auto,
 }
 
 /// What the user asks for.
@@ -97,7 +99,7 @@ pub enum Choice {
 
 impl Default for Choice {
     fn default() -> Self {
-        Self::Event(CalendarName::Indexed)
+        Self::Event(CalendarName::Auto)
     }
 }
 
@@ -250,6 +252,7 @@ fn event(calendar: CalendarName, state: State, tally: Option<Tally>) -> Box<dyn 
         CalendarName::Indexed => event_driven::fitting::<Indexed>(state, tally),
         CalendarName::Lazy => event_driven::fitting::<Lazy>(state, tally),
         CalendarName::Bounded => event_driven::fitting::<Bounded>(state, tally),
+        CalendarName::Auto => event_driven::usual(state, tally),
     }
 }
 

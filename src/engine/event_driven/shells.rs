@@ -286,7 +286,10 @@ impl<N: Needs> Surroundings<N> for Shells<N> {
     }
 
     #[inline]
-    fn prefetch_known(&self, state: &State, ball: usize) {
+    fn prefetch_places(&self, _state: &State, _ball: usize, _axis: Option<usize>) {}
+
+    #[inline]
+    fn prefetch_known(&self, state: &State, ball: usize, _axis: Option<usize>) {
         for &seen in self.neighbours(ball) {
             prefetch_index(&state.trajectories, number_of(seen) as usize);
         }

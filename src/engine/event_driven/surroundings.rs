@@ -1,5 +1,7 @@
 //! What a ball asks of its surroundings: whom it may meet, and for how long that answer is good.
 
+use prefetch_index::prefetch_index;
+
 use crate::cell_list::{CellList, Company};
 use crate::domain::Boundary;
 use crate::engine::event_driven::needs::Needs;
@@ -36,8 +38,12 @@ pub trait Surroundings<N: Needs>: Clone + Send {
     /// Asks for the memory of what is known of a ball.
     fn prefetch(&self, ball: usize);
 
-    /// Asks for the memory of everyone that a ball would look at.
-    fn prefetch_known(&self, state: &State, ball: usize);
+    /// Asks for the memory of where a ball will look when it crosses along `axis` or, without one, turns; what is known of it should
+    /// be at hand.
+    fn prefetch_places(&self, state: &State, ball: usize, axis: Option<usize>);
+
+    /// Asks for the memory of everyone that a ball will look at then; where it looks should be at hand.
+    fn prefetch_known(&self, state: &State, ball: usize, axis: Option<usize>);
 
     /// The earliest collision with anyone a ball knows.
     fn look(&self, state: &State, ball: usize) -> Candidate;
@@ -95,10 +101,26 @@ impl<N: Needs> Surroundings<N> for CellList<N> {
     }
 
     #[inline]
-    fn prefetch(&self, _ball: usize) {}
+    fn prefetch(&self, ball: usize) {
+        self.prefetch_range(ball);
+    }
 
     #[inline]
-    fn prefetch_known(&self, _state: &State, _ball: usize) {}
+    fn prefetch_places(&self, state: &State, ball: usize, axis: Option<usize>) {
+        let velocity = state.trajectories[ball].velocity;
+        self.prefetch_cells(ball, axis.map(|axis| (axis, velocity[axis])));
+    }
+
+    #[inline]
+    fn prefetch_known(&self, state: &State, ball: usize, axis: Option<usize>) {
+        let velocity = state.trajectories[ball].velocity;
+        let crossing = axis.map(|axis| (axis, velocity[axis]));
+        self.for_each_company_ahead(ball, crossing, |company| {
+            for &other in company.balls {
+                prefetch_index(&state.trajectories, other as usize);
+            }
+        });
+    }
 
     #[inline]
     fn look(&self, state: &State, ball: usize) -> Candidate {

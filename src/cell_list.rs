@@ -88,10 +88,9 @@ pub struct CellList<B = AnyBoundary> {
     width: DVec3,
     per_width: DVec3,
     slack: f64,
-    /// Balls of cell `c`: `balls[c * capacity..][..lengths[c]]`.
-    balls: Vec<u32>,
-    lengths: Vec<u32>,
-    capacity: usize,
+    /// Of each cell a record of so many words: the number of its balls, and these. Side by side, because memory comes in lines.
+    records: Vec<u32>,
+    words: usize,
     ranges: Vec<CellRange>,
 }
 
@@ -112,7 +111,7 @@ impl<B: KnownBoundary> CellList<B> {
         let counts = counts_at(width);
         let cells = counts.element_product() as usize;
         let width = edges / counts;
-        let capacity = (3 * ball_count / cells).next_multiple_of(16).max(16);
+        let words = (1 + 3 * ball_count / cells).next_multiple_of(16);
         Self {
             boundary: domain.boundary,
             known: PhantomData,
@@ -121,9 +120,8 @@ impl<B: KnownBoundary> CellList<B> {
             width,
             per_width: 1.0 / width,
             slack: SLACK * width.min_element(),
-            balls: vec![0; cells * capacity],
-            lengths: vec![0; cells],
-            capacity,
+            records: vec![0; cells * words],
+            words,
             ranges: Vec::with_capacity(ball_count),
         }
     }
@@ -140,7 +138,7 @@ impl<B: KnownBoundary> CellList<B> {
 
     /// Number of cells.
     pub fn cell_count(&self) -> usize {
-        self.lengths.len()
+        self.records.len() / self.words
     }
 
     /// The cells that a ball of this radius reaches into at a position.
@@ -315,9 +313,7 @@ impl<B: KnownBoundary> CellList<B> {
             range.high[axis] += i16::from(velocity > 0.0);
         }
         range.for_each(|cell| {
-            let place = self.place(cell);
-            prefetch_index(&self.lengths, place);
-            prefetch_index(&self.balls, place * self.capacity);
+            prefetch_index(&self.records, self.place(cell) * self.words);
         });
     }
 
@@ -345,9 +341,9 @@ impl<B: KnownBoundary> CellList<B> {
     fn company(&self, cell: Cell) -> Company<'_> {
         let inside = |axis: usize| 0 < cell[axis] && cell[axis] < self.cell_counts[axis] - 1;
         let at_face = self.boundary() == Boundary::Periodic && !(0..3).all(inside);
-        let place = self.place(cell);
+        let record = &self.records[self.place(cell) * self.words..][..self.words];
         Company {
-            balls: &self.balls[place * self.capacity..][..self.lengths[place] as usize],
+            balls: &record[1..=record[0] as usize],
             at_face: at_face.then_some(cell),
         }
     }
@@ -381,40 +377,46 @@ impl<B: KnownBoundary> CellList<B> {
         (x * count_y + y) * count_z + z
     }
 
+    #[inline]
+    fn record_mut(&mut self, cell: Cell) -> &mut [u32] {
+        let first = self.place(cell) * self.words;
+        &mut self.records[first..][..self.words]
+    }
+
     fn insert(&mut self, cell: Cell, ball: u32) {
-        let place = self.place(cell);
-        if self.lengths[place] as usize == self.capacity {
+        let mut record = self.record_mut(cell);
+        if record[0] as usize + 1 == record.len() {
             self.widen();
+            record = self.record_mut(cell);
         }
-        self.balls[place * self.capacity + self.lengths[place] as usize] = ball;
-        self.lengths[place] += 1;
+        record[0] += 1;
+        record[record[0] as usize] = ball;
     }
 
     fn remove(&mut self, cell: Cell, ball: u32) {
-        let place = self.place(cell);
-        let length = self.lengths[place] as usize;
-        let balls = &mut self.balls[place * self.capacity..][..length];
-        let index = balls
+        let record = self.record_mut(cell);
+        let last = record[0] as usize;
+        let index = record[1..=last]
             .iter()
             .position(|&listed| listed == ball)
             .expect("a ball is in every cell that lists it");
-        balls[index] = balls[length - 1];
-        self.lengths[place] -= 1;
+        record[1 + index] = record[last];
+        record[0] -= 1;
     }
 
     /// Doubles the room of every cell.
     #[cold]
     fn widen(&mut self) {
-        let mut balls = vec![0; 2 * self.balls.len()];
+        let mut records = vec![0; 2 * self.records.len()];
         for (from, to) in self
-            .balls
-            .chunks_exact(self.capacity)
-            .zip(balls.chunks_exact_mut(2 * self.capacity))
+            .records
+            .chunks_exact(self.words)
+            .zip(records.chunks_exact_mut(2 * self.words))
         {
-            to[..self.capacity].copy_from_slice(from);
+            to[..self.words].copy_from_slice(from);
         }
-        self.balls = balls;
-        self.capacity *= 2;
+        self.records = records;
+        self.words *= 2;
     }
 }
 

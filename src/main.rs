@@ -1,10 +1,11 @@
 //! The `moltop` program: arguments to a task, a task to an exit code.
 
-use std::fs;
 use std::io::{self, Write};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
+use std::process::{self, ExitCode};
 use std::time::{Duration, Instant};
+use std::{env, fs};
 
 use clap::{CommandFactory, Parser};
 use moltop::check;
@@ -31,6 +32,15 @@ use signal_hook::consts::SIGHUP;
 fn main() -> ExitCode {
     let program_start = Instant::now();
     let cli = Cli::parse();
+    let has_gas = cli.run_process
+        || cli.in_process
+        || matches!(
+            cli.command,
+            Some(Command::Run { .. } | Command::Experiment(_))
+        );
+    if has_gas {
+        ask_for_large_pages();
+    }
     let done = match cli.command {
         None if cli.run_process => run_process::run(&cli.watch, program_start),
         None if cli.in_process => watch_here(&cli.watch, cli.screen, program_start),
@@ -93,6 +103,29 @@ fn main() -> ExitCode {
             say(&format!("{name}{error}"));
             ExitCode::from(error.exit_code())
         }
+    }
+}
+
+/// Begins this process once more with large pages for large arrays, where the system gives them to who asks and glibc asks only if
+/// it is told so before it starts. A large gas is read all over, and with small pages its places are looked up again and again.
+///
+/// Whatever keeps it from that, the program goes on with small pages. Source: the manual of glibc, memory allocation tunables.
+fn ask_for_large_pages() {
+    const TUNABLES: &str = "GLIBC_TUNABLES";
+    const MODES: &str = "/sys/kernel/mm/transparent_hugepage/enabled";
+    let on_request = || fs::read_to_string(MODES).is_ok_and(|modes| modes.contains("[madvise]"));
+    let asked = env::var_os(TUNABLES).is_some();
+    if cfg!(target_env = "gnu")
+        && !asked
+        && on_request()
+        && let Ok(program) = env::current_exe()
+    {
+        let mut arguments = env::args_os();
+        let _ = process::Command::new(program)
+            .arg0(arguments.next().unwrap_or_default())
+            .args(arguments)
+            .env(TUNABLES, "glibc.malloc.hugetlb=1")
+            .exec();
     }
 }
 

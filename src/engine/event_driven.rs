@@ -336,9 +336,11 @@ impl<C: Calendar, N: Needs, S: Surroundings<N>> EventDriven<C, N, S> {
     fn prefetch(&self, event: &Event) {
         for ball in balls(event) {
             prefetch_index(&self.state.trajectories, ball);
-            prefetch_index(&self.state.collisions, ball);
             prefetch_index(&self.candidates, ball);
             self.surroundings.prefetch(ball);
+            if crossing(event).is_none() {
+                prefetch_index(&self.state.collisions, ball);
+            }
         }
     }
 

@@ -55,7 +55,8 @@ pub fn run(options: &Options) -> Result<u8> {
     let every_cost = (balls * balls) as f64 * 1.4e-8 * every_time;
     let mut progress = Progress::new(3.0 * cost + every_cost)?;
     let mut courses = Vec::new();
-    // From little to much memory: what a run leaves to the next would hide what that one takes.
+    // Kept to the end: memory that one run gave back would hide what the next one takes.
+    let mut kept = Vec::new();
     for (name, calendar) in [
         ("indexed", CalendarName::Indexed),
         ("bounded", CalendarName::Bounded),
@@ -83,6 +84,7 @@ pub fn run(options: &Options) -> Result<u8> {
         course.collisions = trial.events();
         course.finish(before, began);
         courses.push(course);
+        kept.push(trial);
     }
     let before = resident_memory();
     let began = processor_seconds();

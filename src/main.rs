@@ -112,9 +112,11 @@ fn main() -> ExitCode {
 /// Whatever keeps it from that, the program goes on with small pages. Source: the manual of glibc, memory allocation tunables.
 fn ask_for_large_pages() {
     const TUNABLES: &str = "GLIBC_TUNABLES";
+    // A program with rights of its own never sees that variable, and would begin anew for ever.
+    const BEGUN: &str = "MOLTOP_BEGUN_ANEW";
     const MODES: &str = "/sys/kernel/mm/transparent_hugepage/enabled";
     let on_request = || fs::read_to_string(MODES).is_ok_and(|modes| modes.contains("[madvise]"));
-    let asked = env::var_os(TUNABLES).is_some();
+    let asked = [TUNABLES, BEGUN].map(env::var_os) != [None, None];
     if cfg!(target_env = "gnu")
         && !asked
         && on_request()
@@ -125,6 +127,7 @@ fn ask_for_large_pages() {
             .arg0(arguments.next().unwrap_or_default())
             .args(arguments)
             .env(TUNABLES, "glibc.malloc.hugetlb=1")
+            .env(BEGUN, "1")
             .exec();
     }
 }

@@ -34,6 +34,7 @@ mod touch;
 mod tuning;
 
 use std::collections::BinaryHeap;
+use std::sync::Mutex;
 
 use prefetch_index::prefetch_index;
 
@@ -58,8 +59,11 @@ const WINDOWS_PER_SORT: u32 = 5;
 /// Collisions per ball with which a window is full, because its length was foreseen for a gas with room.
 const MOST_PER_WINDOW: usize = 4;
 
-/// Fewest balls in a region: a thread must have enough to do to be worth starting.
-const BALLS_PER_REGION: usize = 10_000;
+/// Fewest balls for a thread: it must have enough to do to be worth starting.
+const BALLS_PER_THREAD: usize = 10_000;
+
+/// Balls that are looked at together where any thread may look at them.
+const BALLS_AT_ONCE: usize = 1 << 14;
 
 /// How many flights before its turn the memory of a flight is asked for.
 const FLIGHTS_AHEAD: usize = 16;
@@ -87,7 +91,7 @@ pub struct Windowed {
     last_sort: (Time, u64),
     /// Flights begun in this window.
     turns: usize,
-    /// Largest component of any piece's velocity since the balls were sorted.
+    /// Largest speed of any piece since the balls were sorted.
     fastest: f32,
     /// What the windows since then took.
     work: Work,
@@ -121,7 +125,7 @@ impl Windowed {
     /// # Panics
     /// If [`Self::supports`] does not hold.
     pub fn new(state: State, threads: usize) -> Self {
-        let worth_it = state.ball_count() / BALLS_PER_REGION;
+        let worth_it = state.ball_count() / BALLS_PER_THREAD;
         Self::with_regions(state, threads.min(worth_it))
     }
 
@@ -285,7 +289,18 @@ impl Windowed {
             let position = std::array::from_fn(|axis| position[axis] + share * velocity[axis]);
             self.grid.cell_at(position) as u32
         };
-        let cells: Vec<u32> = self.lines.iter().map(cell_of).collect();
+        let threads = self.regions.len();
+        let mut cells = vec![0; self.lines.len()];
+        let chunks = self.lines.chunks(BALLS_AT_ONCE);
+        side_by_side(
+            threads,
+            chunks.zip(cells.chunks_mut(BALLS_AT_ONCE)),
+            |(lines, cells)| {
+                for (line, cell) in lines.iter().zip(cells) {
+                    *cell = cell_of(line);
+                }
+            },
+        );
         let mut places = vec![0_u32; self.grid.cell_count() + 1];
         for &cell in &cells {
             places[cell as usize + 1] += 1;
@@ -318,23 +333,27 @@ impl Windowed {
 
         let mut lines = std::mem::take(&mut self.lines);
         let gas = self.gas(self.next_window());
+        let mut fastest = vec![0.0; threads];
         let shares = self.regions.iter().zip(shares(&mut lines, &self.regions));
-        side_by_side(shares, |(region, lines)| {
-            let balls = &balls[region.flights.clone()];
-            for (index, (line, &ball)) in lines.iter_mut().zip(balls).enumerate() {
-                if let Some(&ahead) = balls.get(index + FLIGHTS_AHEAD) {
-                    prefetch_index(&gas.state.trajectories, ahead as usize);
+        side_by_side(
+            threads,
+            shares.zip(&mut fastest),
+            |((region, lines), fastest)| {
+                let balls = &balls[region.flights.clone()];
+                for (index, (line, &ball)) in lines.iter_mut().zip(balls).enumerate() {
+                    if let Some(&ahead) = balls.get(index + FLIGHTS_AHEAD) {
+                        prefetch_index(&gas.state.trajectories, ahead as usize);
+                    }
+                    *line = gas.line(&gas.state.trajectories[ball as usize], ball, NONE);
+                    *fastest = line.speed().max(*fastest);
                 }
-                *line = gas.line(&gas.state.trajectories[ball as usize], ball, NONE);
-            }
-        });
+            },
+        );
         if self.state.bodies.uniform().is_none() {
             let radius = |line: &Line| (gas.body(line.ball()).radius * self.grid.scale) as f32;
             self.radii = lines.iter().map(radius).collect();
         }
-        self.fastest = lines
-            .iter()
-            .fold(0.0, |fastest, line| line.speed().max(fastest));
+        self.fastest = fastest.into_iter().fold(0.0, f32::max);
         self.lines = lines;
         self.behind = false;
         self.windows_since_sort = 0;
@@ -343,8 +362,19 @@ impl Windowed {
     /// Chooses the length of the windows until the next sorting, from the state and from counts alone.
     fn tune(&mut self) {
         let count = self.lines.len() as f64;
-        let flights = self.state.trajectories.iter();
-        let squares: f64 = flights.map(|flight| flight.velocity.length_squared()).sum();
+        let chunks = self.state.trajectories.chunks(BALLS_AT_ONCE);
+        let mut squares = vec![0.0; chunks.len()];
+        side_by_side(
+            self.regions.len(),
+            chunks.zip(&mut squares),
+            |(flights, squares)| {
+                let speeds = flights
+                    .iter()
+                    .map(|flight| flight.velocity.length_squared());
+                *squares = speeds.sum();
+            },
+        );
+        let squares: f64 = squares.iter().sum();
         let deviation = (squares / (3.0 * count)).sqrt();
         let (then, before) = self.last_sort;
         self.last_sort = (self.state.now, self.counters.pair_collisions);
@@ -385,13 +415,14 @@ impl Windowed {
         let advance = f32::from(std::mem::replace(&mut self.behind, true));
         let mut lines = std::mem::take(&mut self.lines);
         let mut regions = std::mem::take(&mut self.regions);
+        let threads = regions.len();
         let mut pieces = std::mem::take(&mut self.pieces);
         let [firsts, fresh, later] = &mut pieces;
         let gas = self.gas(window);
 
         let shares = shares(&mut lines, &regions);
         let lists = regions.iter_mut().zip(shares).zip(firsts.iter_mut());
-        side_by_side(lists, |((region, lines), firsts)| {
+        side_by_side(threads, lists, |((region, lines), firsts)| {
             let radii = if self.radii.is_empty() {
                 &[]
             } else {
@@ -413,6 +444,7 @@ impl Windowed {
         };
         let mail = outboxes(&mut regions);
         side_by_side(
+            threads,
             regions.iter_mut().zip(fresh.iter_mut()),
             |(region, fresh)| region.find(shelves, &mail, (FRESH, fresh)),
         );
@@ -421,16 +453,19 @@ impl Windowed {
         if mail.iter().any(|mail| !mail.is_empty()) {
             // What was foreseen across a region's border is listed and tested there, now that all have finished.
             side_by_side(
+                threads,
                 regions.iter_mut().zip(later.iter_mut()),
                 |(region, later)| region.find_visitors(shelves, &mail, Some((LATER, later))),
             );
             shelves.kinds[LATER] = later;
             let mail = outboxes(&mut regions);
-            side_by_side(regions.iter_mut(), |region| {
+            side_by_side(threads, regions.iter_mut(), |region| {
                 region.find_visitors(shelves, &mail, None)
             });
         }
-        side_by_side(regions.iter_mut(), |region| region.sort(window.span()));
+        side_by_side(threads, regions.iter_mut(), |region| {
+            region.sort(window.span())
+        });
         self.work.windows += 1;
         for region in &regions {
             self.work.census += region.census;
@@ -489,14 +524,24 @@ fn outboxes(regions: &mut [Region]) -> Vec<Vec<region::Passage>> {
         .collect()
 }
 
-/// Does the work for each share on a thread of its own, the first on this one.
-fn side_by_side<T: Send>(mut shares: impl Iterator<Item = T>, work: impl Fn(T) + Copy + Send) {
-    let Some(first) = shares.next() else { return };
+/// Does the work for each share on so many threads, of which this is one: who has done one share takes the next.
+fn side_by_side<T: Send>(
+    threads: usize,
+    shares: impl Iterator<Item = T> + Send,
+    work: impl Fn(T) + Sync,
+) {
+    let shares = Mutex::new(shares);
+    let next = || shares.lock().expect("to take a share cannot fail").next();
+    let labour = || {
+        while let Some(share) = next() {
+            work(share);
+        }
+    };
     std::thread::scope(|scope| {
-        shares.for_each(|share| {
-            scope.spawn(move || work(share));
-        });
-        work(first);
+        for _ in 1..threads {
+            scope.spawn(labour);
+        }
+        labour();
     });
 }
 

@@ -143,11 +143,11 @@ impl Line {
         moved
     }
 
-    /// Largest component of the velocity.
+    /// How fast it moves.
     #[inline(always)]
     pub fn speed(&self) -> f32 {
-        let [x, y, z] = self.velocity().map(f32::abs);
-        x.max(y).max(z)
+        let [x, y, z] = self.velocity();
+        (x * x + y * y + z * z).sqrt()
     }
 }
 

@@ -177,7 +177,7 @@ impl Region {
         self.lists.reset(cells, expected);
     }
 
-    /// Largest component of the velocity of any piece that was seen or added.
+    /// Largest speed of any piece that was seen or added.
     pub fn fastest(&self) -> f32 {
         self.filter.fastest()
     }

@@ -34,8 +34,8 @@ mod touch;
 mod tuning;
 
 use std::collections::BinaryHeap;
-use std::sync::Mutex;
 
+use glam::DVec3;
 use prefetch_index::prefetch_index;
 
 use crate::engine::contact::InstantWatch;
@@ -62,7 +62,7 @@ const MOST_PER_WINDOW: usize = 4;
 /// Fewest balls for a thread: it must have enough to do to be worth starting.
 const BALLS_PER_THREAD: usize = 10_000;
 
-/// Balls that are looked at together where any thread may look at them.
+/// Balls whose speeds are summed up together.
 const BALLS_AT_ONCE: usize = 1 << 14;
 
 /// How many flights before its turn the memory of a flight is asked for.
@@ -291,16 +291,13 @@ impl Windowed {
         };
         let threads = self.regions.len();
         let mut cells = vec![0; self.lines.len()];
-        let chunks = self.lines.chunks(BALLS_AT_ONCE);
-        side_by_side(
-            threads,
-            chunks.zip(cells.chunks_mut(BALLS_AT_ONCE)),
-            |(lines, cells)| {
-                for (line, cell) in lines.iter().zip(cells) {
-                    *cell = cell_of(line);
-                }
-            },
-        );
+        let share = self.lines.len().div_ceil(threads);
+        let chunks = self.lines.chunks(share);
+        side_by_side(chunks.zip(cells.chunks_mut(share)), |(lines, cells)| {
+            for (line, cell) in lines.iter().zip(cells) {
+                *cell = cell_of(line);
+            }
+        });
         let mut places = vec![0_u32; self.grid.cell_count() + 1];
         for &cell in &cells {
             places[cell as usize + 1] += 1;
@@ -335,20 +332,16 @@ impl Windowed {
         let gas = self.gas(self.next_window());
         let mut fastest = vec![0.0; threads];
         let shares = self.regions.iter().zip(shares(&mut lines, &self.regions));
-        side_by_side(
-            threads,
-            shares.zip(&mut fastest),
-            |((region, lines), fastest)| {
-                let balls = &balls[region.flights.clone()];
-                for (index, (line, &ball)) in lines.iter_mut().zip(balls).enumerate() {
-                    if let Some(&ahead) = balls.get(index + FLIGHTS_AHEAD) {
-                        prefetch_index(&gas.state.trajectories, ahead as usize);
-                    }
-                    *line = gas.line(&gas.state.trajectories[ball as usize], ball, NONE);
-                    *fastest = line.speed().max(*fastest);
+        side_by_side(shares.zip(&mut fastest), |((region, lines), fastest)| {
+            let balls = &balls[region.flights.clone()];
+            for (index, (line, &ball)) in lines.iter_mut().zip(balls).enumerate() {
+                if let Some(&ahead) = balls.get(index + FLIGHTS_AHEAD) {
+                    prefetch_index(&gas.state.trajectories, ahead as usize);
                 }
-            },
-        );
+                *line = gas.line(&gas.state.trajectories[ball as usize], ball, NONE);
+                *fastest = line.speed().max(*fastest);
+            }
+        });
         if self.state.bodies.uniform().is_none() {
             let radius = |line: &Line| (gas.body(line.ball()).radius * self.grid.scale) as f32;
             self.radii = lines.iter().map(radius).collect();
@@ -362,18 +355,16 @@ impl Windowed {
     /// Chooses the length of the windows until the next sorting, from the state and from counts alone.
     fn tune(&mut self) {
         let count = self.lines.len() as f64;
-        let chunks = self.state.trajectories.chunks(BALLS_AT_ONCE);
-        let mut squares = vec![0.0; chunks.len()];
-        side_by_side(
-            self.regions.len(),
-            chunks.zip(&mut squares),
-            |(flights, squares)| {
-                let speeds = flights
-                    .iter()
-                    .map(|flight| flight.velocity.length_squared());
-                *squares = speeds.sum();
-            },
-        );
+        // Sums of so many balls each: rounding must not depend on the number of threads.
+        let mut squares = vec![0.0; self.lines.len().div_ceil(BALLS_AT_ONCE)];
+        let share = squares.len().div_ceil(self.regions.len());
+        let flights = self.state.trajectories.chunks(share * BALLS_AT_ONCE);
+        side_by_side(flights.zip(squares.chunks_mut(share)), |(flights, sums)| {
+            for (flights, sum) in flights.chunks(BALLS_AT_ONCE).zip(sums) {
+                let velocities = flights.iter().map(|flight| flight.velocity);
+                *sum = velocities.map(DVec3::length_squared).sum();
+            }
+        });
         let squares: f64 = squares.iter().sum();
         let deviation = (squares / (3.0 * count)).sqrt();
         let (then, before) = self.last_sort;
@@ -415,14 +406,13 @@ impl Windowed {
         let advance = f32::from(std::mem::replace(&mut self.behind, true));
         let mut lines = std::mem::take(&mut self.lines);
         let mut regions = std::mem::take(&mut self.regions);
-        let threads = regions.len();
         let mut pieces = std::mem::take(&mut self.pieces);
         let [firsts, fresh, later] = &mut pieces;
         let gas = self.gas(window);
 
         let shares = shares(&mut lines, &regions);
         let lists = regions.iter_mut().zip(shares).zip(firsts.iter_mut());
-        side_by_side(threads, lists, |((region, lines), firsts)| {
+        side_by_side(lists, |((region, lines), firsts)| {
             let radii = if self.radii.is_empty() {
                 &[]
             } else {
@@ -444,7 +434,6 @@ impl Windowed {
         };
         let mail = outboxes(&mut regions);
         side_by_side(
-            threads,
             regions.iter_mut().zip(fresh.iter_mut()),
             |(region, fresh)| region.find(shelves, &mail, (FRESH, fresh)),
         );
@@ -453,19 +442,16 @@ impl Windowed {
         if mail.iter().any(|mail| !mail.is_empty()) {
             // What was foreseen across a region's border is listed and tested there, now that all have finished.
             side_by_side(
-                threads,
                 regions.iter_mut().zip(later.iter_mut()),
                 |(region, later)| region.find_visitors(shelves, &mail, Some((LATER, later))),
             );
             shelves.kinds[LATER] = later;
             let mail = outboxes(&mut regions);
-            side_by_side(threads, regions.iter_mut(), |region| {
+            side_by_side(regions.iter_mut(), |region| {
                 region.find_visitors(shelves, &mail, None)
             });
         }
-        side_by_side(threads, regions.iter_mut(), |region| {
-            region.sort(window.span())
-        });
+        side_by_side(regions.iter_mut(), |region| region.sort(window.span()));
         self.work.windows += 1;
         for region in &regions {
             self.work.census += region.census;
@@ -524,24 +510,14 @@ fn outboxes(regions: &mut [Region]) -> Vec<Vec<region::Passage>> {
         .collect()
 }
 
-/// Does the work for each share on so many threads, of which this is one: who has done one share takes the next.
-fn side_by_side<T: Send>(
-    threads: usize,
-    shares: impl Iterator<Item = T> + Send,
-    work: impl Fn(T) + Sync,
-) {
-    let shares = Mutex::new(shares);
-    let next = || shares.lock().expect("to take a share cannot fail").next();
-    let labour = || {
-        while let Some(share) = next() {
-            work(share);
-        }
-    };
+/// Does the work for each share on a thread of its own, the first on this one.
+fn side_by_side<T: Send>(mut shares: impl Iterator<Item = T>, work: impl Fn(T) + Copy + Send) {
+    let Some(first) = shares.next() else { return };
     std::thread::scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(labour);
-        }
-        labour();
+        shares.for_each(|share| {
+            scope.spawn(move || work(share));
+        });
+        work(first);
     });
 }
 

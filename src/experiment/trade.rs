@@ -181,7 +181,10 @@ pub fn run(options: &Options) -> Result<u8> {
             tables::refused(&settings.refused),
         ],
         paragraphs: paragraphs(&scene, &start, &rows, judge.as_ref(), budget),
-        plots: vec![tables::pressure_plot(&rows), tables::trajectory_plot(&rows)],
+        plots: vec![
+            tables::pressure_plot(&rows, scene.units),
+            tables::trajectory_plot(&rows, scene.units),
+        ],
     };
     page.tables.retain(|table| !table.rows.is_empty());
     if progress.stopped() {

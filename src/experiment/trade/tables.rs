@@ -240,9 +240,15 @@ const ENGINES: [(&str, Glyph); 5] = [
     ("statistical", Glyph::Triangle),
 ];
 
+/// Simulated time per second.
+fn speed_axis(units: Units) -> Axis {
+    Axis::logarithmic(&format!("speed [{}]", speed_unit(units).0))
+}
+
 /// Points of every engine, dominated ones hollow, and the front joined.
-fn front(rows: &[Row], y: &dyn Fn(&Row) -> Option<f64>) -> Vec<Series> {
-    let point = |row: &Row| Some((row.measured.speed(), y(row)?));
+fn front(rows: &[Row], units: Units, y: &dyn Fn(&Row) -> Option<f64>) -> Vec<Series> {
+    let (_, scale) = speed_unit(units);
+    let point = |row: &Row| Some((scale * row.measured.speed(), y(row)?));
     let mut series: Vec<Series> = Vec::new();
     for (number, (engine, glyph)) in ENGINES.into_iter().enumerate() {
         for dominated in [false, true] {
@@ -282,7 +288,7 @@ fn front(rows: &[Row], y: &dyn Fn(&Row) -> Option<f64>) -> Vec<Series> {
     series
 }
 
-pub fn pressure_plot(rows: &[Row]) -> Plot {
+pub fn pressure_plot(rows: &[Row], units: Units) -> Plot {
     let error = |row: &Row| {
         let known = row.errors[0].into_iter().chain(row.errors[1]);
         let best = known.min_by(|a, b| a.noise.total_cmp(&b.noise))?;
@@ -292,18 +298,18 @@ pub fn pressure_plot(rows: &[Row]) -> Plot {
     Plot {
         name: "pressure",
         title: "Error of the pressure, or its noise if that is more".to_owned(),
-        x: Axis::logarithmic("simulated time per second [scene's units]"),
+        x: speed_axis(units),
         y: Axis::logarithmic("error of the pressure [%]"),
-        series: front(rows, &error),
+        series: front(rows, units, &error),
     }
 }
 
-pub fn trajectory_plot(rows: &[Row]) -> Plot {
+pub fn trajectory_plot(rows: &[Row], units: Units) -> Plot {
     Plot {
         name: "trajectories",
         title: format!("Error of trajectories after {} mean free time", LOOKS[1]),
-        x: Axis::logarithmic("simulated time per second [scene's units]"),
+        x: speed_axis(units),
         y: Axis::logarithmic("mean error of position [d]"),
-        series: front(rows, &|row| row.faith.map(|faith| faith.distance[1])),
+        series: front(rows, units, &|row| row.faith.map(|faith| faith.distance[1])),
     }
 }

@@ -1,8 +1,11 @@
 //! Motion: which balls are followed, their mean square displacement, their forgotten velocity, their diffusion.
 
+use std::f64::consts::PI;
+
 use serde::{Deserialize, Serialize};
 
 use super::{Known, Plan, column, figure};
+use crate::domain::{Boundary, Domain};
 use crate::observe::block_sums::Estimate;
 use crate::observe::motion::Motion;
 use crate::scene::Scene;
@@ -19,6 +22,22 @@ const MOST_TRACKED: usize = 1024;
 /// intermediate densities diffusion still rises by several percent after ten of them (Alder & Wainwright, Phys. Rev. A 1, 18,
 /// 1970), and near freezing it still falls, as cages open late. Boxes of 500 balls have their value after a hundred.
 const DIFFUSIVE: [[f64; 2]; 2] = [[10.0, 20.0], [100.0, 200.0]];
+
+/// Share of a diffusion coefficient that walls may take; where they take more there is none.
+const MOST_HELD_BACK: f64 = 0.01;
+
+/// By what share walls lower the slope of a mean square displacement when it has come to `square`, if that is little.
+///
+/// Between reflecting walls `L` apart the slope along their axis is `2 D (1 - 4 sqrt(D t / pi) / L)` at first, derived here from
+/// the diffusion equation.
+fn held_back(domain: &Domain, square: f64) -> f64 {
+    if domain.boundary != Boundary::Container && domain.planes.is_empty() {
+        return 0.0;
+    }
+    let way = (square / 6.0).sqrt();
+    let per_length = (0.5 / domain.half_size).element_sum() / 3.0;
+    4.0 / PI.sqrt() * way * per_length
+}
 
 /// Lags that a run has room for, at least: each then fits into a block, and blocks know little of one another.
 const LAGS_PER_RUN: f64 = 32.0;
@@ -120,13 +139,19 @@ impl Plan {
                     .zip(known.temperature)
                     .map(|(enskog, temperature)| enskog.diffusion(temperature));
                 let unit = || self.unit("m²/s");
+                let square = motion.displacement.means(index, [plateau[1]].into_iter());
+                let square = square.iter().find_map(|square| square.value);
+                let free =
+                    square.is_some_and(|square| held_back(&state.domain, square) <= MOST_HELD_BACK);
+                let unless_held_back =
+                    |found: Estimate| if free { found } else { Estimate::default() };
                 let slope = motion
                     .displacement
                     .slope(index, plateau)
                     .times(area / every / 6.0);
                 figures.push(figure(
                     &format!("diffusion_coefficient.{name}"),
-                    slope,
+                    unless_held_back(slope),
                     expected,
                     unit(),
                 ));
@@ -136,7 +161,7 @@ impl Plan {
                     .times(squared_speed * every / 3.0);
                 figures.push(figure(
                     &format!("diffusion_coefficient_from_velocity.{name}"),
-                    integral,
+                    unless_held_back(integral),
                     expected,
                     unit(),
                 ));
@@ -188,7 +213,37 @@ impl Plan {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
+
+    #[test]
+    fn walls_take_the_share_that_the_diffusion_equation_says() {
+        let size = DVec3::new(1.0, 2.0, 4.0);
+        let container = Domain::container(0.5 * size);
+        // Mean square displacement along an axis of length 1 after D t, as a sum over the modes between the walls.
+        let square = |time: f64| {
+            let modes = (0..2000).map(|mode| PI * f64::from(2 * mode + 1));
+            let left = modes.map(|k| (-k * k * time).exp() / k.powi(4));
+            1.0 / 6.0 - 16.0 * left.sum::<f64>()
+        };
+        let (time, step) = (1e-4, 1e-7);
+        let slopes = size.to_array().map(|length| {
+            let scaled = |time: f64| length * length * square(time / (length * length));
+            (scaled(time + step) - scaled(time - step)) / (4.0 * step)
+        });
+        let lost = 1.0 - slopes.iter().sum::<f64>() / 3.0;
+        let expected = held_back(&container, 6.0 * time);
+        assert!(
+            (lost / expected - 1.0).abs() < 0.01,
+            "{lost} and {expected}"
+        );
+        let periodic = Domain {
+            boundary: Boundary::Periodic,
+            ..container
+        };
+        assert_eq!(held_back(&periodic, 6.0 * time), 0.0);
+    }
 
     #[test]
     fn diffusion_is_read_off_later_in_a_longer_run() {

@@ -269,7 +269,7 @@ pub enum Experiment {
     Growth(page::Options),
     /// How far a gas finds the way back after its velocities have been turned round
     #[command(
-        after_help = "Takes some minutes, --quick half a minute. Example:\n  moltop experiment reversal --quick --out results"
+        after_help = "Takes some minutes, --quick a minute. Example:\n  moltop experiment reversal --quick --out results"
     )]
     Reversal(page::Options),
     /// How many events wait, and what they cost in memory, calendar by calendar

@@ -4,7 +4,7 @@
 //! their hits of walls and the like. Fresh pieces follow pair collisions foreseen by the region's own search, later ones those
 //! found after the regions' exchange and during the commits. Each region keeps its own, so that threads add side by side.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use prefetch_index::prefetch_index;
 
 use super::scratch::Scratch;
@@ -146,8 +146,7 @@ impl Line {
     /// How fast it moves.
     #[inline(always)]
     pub fn speed(&self) -> f32 {
-        let [x, y, z] = self.velocity();
-        (x * x + y * y + z * z).sqrt()
+        Vec3::from_array(self.velocity()).length()
     }
 }
 

@@ -29,7 +29,7 @@ const MOST_HELD_BACK: f64 = 0.01;
 /// By what share walls lower the slope of a mean square displacement when it has come to `square`, if that is little.
 ///
 /// Between reflecting walls `L` apart the slope along their axis is `2 D (1 - 4 sqrt(D t / pi) / L)` at first, derived here from
-/// the diffusion equation.
+/// the diffusion equation. With planes the walls are taken to be as far apart as those of the box.
 fn held_back(domain: &Domain, square: f64) -> f64 {
     if domain.boundary != Boundary::Container && domain.planes.is_empty() {
         return 0.0;
@@ -139,12 +139,12 @@ impl Plan {
                     .zip(known.temperature)
                     .map(|(enskog, temperature)| enskog.diffusion(temperature));
                 let unit = || self.unit("m²/s");
-                let square = motion.displacement.means(index, [plateau[1]].into_iter());
-                let square = square.iter().find_map(|square| square.value);
-                let free =
-                    square.is_some_and(|square| held_back(&state.domain, square) <= MOST_HELD_BACK);
-                let unless_held_back =
-                    |found: Estimate| if free { found } else { Estimate::default() };
+                let square = motion.displacement.means(index, [plateau[1]].into_iter())[0].value;
+                let held_back = square.map(|square| held_back(&state.domain, square));
+                let unless_held_back = |found: Estimate| match held_back {
+                    Some(share) if share <= MOST_HELD_BACK => found,
+                    _ => Estimate::default(),
+                };
                 let slope = motion
                     .displacement
                     .slope(index, plateau)

@@ -13,7 +13,7 @@ use crate::domain::Plane;
 use crate::state::{Time, Trajectory};
 
 /// Share of `|r|^2 |v|^2` by which the quick rejection may be wrong through rounding, with a wide margin.
-const REJECTION_MARGIN: f64 = 1e-12;
+pub const REJECTION_MARGIN: f64 = 1e-12;
 
 /// When two balls whose centres are `contact` apart at contact meet, if both fly on freely.
 ///

@@ -152,6 +152,49 @@ impl Placement {
     }
 }
 
+/// What all balls that move have together.
+#[derive(Clone, Copy, Debug)]
+pub struct Totals {
+    periodic: bool,
+    /// How many they are.
+    pub moving: u64,
+    /// Their mass.
+    pub mass: f64,
+    /// Their kinetic energy.
+    pub kinetic_energy: f64,
+    /// Their momentum.
+    pub momentum: DVec3,
+    /// Sum of the magnitudes of their momenta.
+    pub momentum_scale: f64,
+    /// `sum of m r . v`: the virial ledger's level.
+    pub radial_momentum: f64,
+}
+
+impl Totals {
+    /// `k T`: a third of twice the kinetic energy per ball that moves; `None` if none does.
+    ///
+    /// In a periodic box the motion of the centre of mass is left out, and its three degrees of freedom with it.
+    pub fn thermal_energy(&self) -> Option<f64> {
+        let moving = self.moving as f64;
+        let (energy, freedom) = if self.periodic {
+            let of_center = 0.5 * self.momentum.length_squared() / self.mass;
+            (self.kinetic_energy - of_center, 3.0 * (moving - 1.0))
+        } else {
+            (self.kinetic_energy, 3.0 * moving)
+        };
+        (freedom > 0.0).then(|| 2.0 * energy / freedom)
+    }
+
+    /// Velocity of the centre of mass in a periodic box, where nothing stops it; elsewhere zero.
+    pub fn drift(&self) -> DVec3 {
+        if self.periodic && self.mass > 0.0 {
+            self.momentum / self.mass
+        } else {
+            DVec3::ZERO
+        }
+    }
+}
+
 /// The gas.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
@@ -288,73 +331,32 @@ impl State {
         }
     }
 
-    /// The balls that move: their masses and flights.
-    fn moving(&self) -> impl Iterator<Item = (f64, &Trajectory)> {
-        let mass = |ball: usize| self.bodies.of(ball).mass;
-        self.trajectories
-            .iter()
-            .enumerate()
-            .map(move |(ball, flight)| (mass(ball), flight))
-            .filter(|(mass, _)| mass.is_finite())
-    }
-
-    /// Kinetic energy of all balls.
-    pub fn kinetic_energy(&self) -> f64 {
-        self.moving()
-            .map(|(mass, flight)| 0.5 * mass * flight.velocity.length_squared())
-            .collect::<Sum>()
-            .value()
-    }
-
-    /// Momentum of all balls.
-    pub fn momentum(&self) -> DVec3 {
-        self.moving()
-            .map(|(mass, flight)| flight.velocity * mass)
-            .sum()
-    }
-
-    /// Velocity of the centre of mass in a periodic box, where nothing stops it; elsewhere zero.
-    pub fn drift(&self) -> DVec3 {
-        let mass: f64 = self.moving().map(|(mass, _)| mass).sum();
-        if self.domain.boundary == Boundary::Periodic && mass > 0.0 {
-            self.momentum() / mass
-        } else {
-            DVec3::ZERO
+    /// What the balls that move have together, at the present. Reads every ball.
+    pub fn totals(&self) -> Totals {
+        let (mut moving, mut mass, mut momentum) = (0, 0.0, DVec3::ZERO);
+        let [mut energy, mut scale, mut radial] = [Sum::default(); 3];
+        for (ball, flight) in self.trajectories.iter().enumerate() {
+            let of_ball = self.bodies.of(ball).mass;
+            if !of_ball.is_finite() {
+                continue;
+            }
+            let (position, velocity) = (flight.position_at(self.now), flight.velocity);
+            moving += 1;
+            mass += of_ball;
+            momentum += velocity * of_ball;
+            energy.add(0.5 * of_ball * velocity.length_squared());
+            scale.add(of_ball * velocity.length());
+            radial.add(of_ball * position.dot(velocity));
         }
-    }
-
-    /// Sum of the magnitudes of all momenta.
-    pub fn momentum_scale(&self) -> f64 {
-        self.moving()
-            .map(|(mass, flight)| mass * flight.velocity.length())
-            .collect::<Sum>()
-            .value()
-    }
-
-    /// `sum of m r . v` at the present: the virial ledger's level.
-    pub fn radial_momentum(&self) -> f64 {
-        let radial = |(mass, flight): (f64, &Trajectory)| {
-            mass * flight.position_at(self.now).dot(flight.velocity)
-        };
-        self.moving().map(radial).collect::<Sum>().value()
-    }
-
-    /// `k T`: a third of twice the kinetic energy per ball that moves; `None` if none does.
-    ///
-    /// In a periodic box the motion of the centre of mass is left out, and its three degrees of freedom with it.
-    pub fn thermal_energy(&self) -> Option<f64> {
-        let (mut count, mut mass) = (0_u64, 0.0);
-        self.moving()
-            .for_each(|(ball_mass, _)| (count, mass) = (count + 1, mass + ball_mass));
-        let (energy, freedom) = if self.domain.boundary == Boundary::Periodic {
-            (
-                self.kinetic_energy() - 0.5 * self.momentum().length_squared() / mass,
-                3.0 * (count as f64 - 1.0),
-            )
-        } else {
-            (self.kinetic_energy(), 3.0 * count as f64)
-        };
-        (freedom > 0.0).then(|| 2.0 * energy / freedom)
+        Totals {
+            periodic: self.domain.boundary == Boundary::Periodic,
+            moving,
+            mass,
+            kinetic_energy: energy.value(),
+            momentum,
+            momentum_scale: scale.value(),
+            radial_momentum: radial.value(),
+        }
     }
 
     /// A 64-bit hash of the present: time, and every ball's position, image and velocity at that time, bit for bit.

@@ -221,7 +221,9 @@ fn energy_momentum_and_the_virial_balance_over_100000_collisions_for_20_seeds() 
                 .advance(until, &mut |collision| observer.record(collision))
                 .expect("room to move");
         }
-        let drift = observer.ledger.drift(engine.state());
+        let drift = observer
+            .ledger
+            .drift(engine.state().now, &engine.state().totals());
         assert!(
             drift.energy.expect("energy").abs() < 1e-13,
             "seed {seed}: {drift:?}"

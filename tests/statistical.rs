@@ -141,7 +141,9 @@ fn check_rates(gas: &Placement, resolution: Resolution) {
         let excess = expected.pressure.expect("a gas") - ideal;
         near(virial / 3.0 / volume, excess, 4.0 / pairs.sqrt());
     }
-    let drift = observer.ledger.drift(engine.state());
+    let drift = observer
+        .ledger
+        .drift(engine.state().now, &engine.state().totals());
     assert!(drift.energy.expect("moving").abs() < 1e-7);
     assert_eq!((drift.virial, observer.max_overlap), (None, None));
 }
@@ -195,7 +197,9 @@ fn every_collision_is_in_the_ledger() {
             .advance(until, &mut |collision| observer.record(collision))
             .expect("nothing can be stuck");
         engine.settle();
-        let drift = observer.ledger.drift(engine.state());
+        let drift = observer
+            .ledger
+            .drift(engine.state().now, &engine.state().totals());
         assert!(drift.momentum.expect("moving") < 1e-6, "{drift:?}");
         assert!(drift.virial.expect("moving") < 1e-6, "{drift:?}");
         assert_eq!(observer.max_overlap, None);
@@ -236,7 +240,7 @@ fn a_reversed_gas_does_not_come_back_but_keeps_its_energy() {
     let gas = dilute();
     let mut engine = Statistical::new(State::new(&gas), USUAL, 1, 1);
     let mut observer = Observer::new(engine.state());
-    let energy = engine.state().kinetic_energy();
+    let energy = engine.state().totals().kinetic_energy;
     run(&mut engine, &mut observer, 2.0 * MEAN_FREE_TIME);
     engine.reverse();
     run(&mut engine, &mut observer, 4.0 * MEAN_FREE_TIME);
@@ -247,7 +251,7 @@ fn a_reversed_gas_does_not_come_back_but_keeps_its_energy() {
         .zip(&end.positions)
         .map(|(start, end)| start.distance(*end));
     assert!(apart.sum::<f64>() / end.positions.len() as f64 > 10.0);
-    near(engine.state().kinetic_energy(), energy, 1e-7);
+    near(engine.state().totals().kinetic_energy, energy, 1e-7);
     let inside = gas.domain.half_size - 0.5 + 1e-4;
     assert!(
         end.positions

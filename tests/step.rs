@@ -249,7 +249,7 @@ fn a_ball_that_flies_into_a_corner_flies_back() {
 fn energy_momentum_and_the_virial_balance_in_scenes_of_all_kinds() {
     for seed in 0..120 {
         let state = State::new(&random_scene(seed));
-        if state.kinetic_energy() == 0.0 {
+        if state.totals().kinetic_energy == 0.0 {
             continue;
         }
         let step = [0.01, 0.3][seed as usize % 2];
@@ -261,7 +261,9 @@ fn energy_momentum_and_the_virial_balance_in_scenes_of_all_kinds() {
             engine
                 .advance(end, &mut |collision| observer.record(collision))
                 .expect("never stuck");
-            let drift = observer.ledger.drift(engine.state());
+            let drift = observer
+                .ledger
+                .drift(engine.state().now, &engine.state().totals());
             let within = |error: Option<f64>| error.is_none_or(|error| error.abs() < 1e-12);
             assert!(
                 within(drift.energy) && within(drift.momentum) && within(drift.virial),
@@ -380,11 +382,11 @@ fn measure(engine: &mut dyn Engine, time: f64) -> Measured {
         .advance(end, &mut |collision| observer.record(collision))
         .expect("room");
     let (state, counters) = (engine.state(), engine.counters());
-    let drift = observer.ledger.drift(state);
+    let drift = observer.ledger.drift(state.now, &state.totals());
     assert!(drift.energy.expect("energy").abs() < 1e-13, "{drift:?}");
     assert!(drift.momentum.expect("momentum") < 1e-13, "{drift:?}");
     assert!(drift.virial.expect("virial") < 1e-12, "{drift:?}");
-    let energy = state.ball_count() as f64 * state.thermal_energy().expect("balls");
+    let energy = state.ball_count() as f64 * state.totals().thermal_energy().expect("balls");
     let half_open = state.domain.half_size.x - state.bodies.mean_radius();
     let per_epoch = units.time / time / energy;
     Measured {
@@ -400,7 +402,7 @@ fn measure(engine: &mut dyn Engine, time: f64) -> Measured {
 fn pressure_overlap_and_missed_collisions_obey_their_laws() {
     let placement = seed_scene(8, 1);
     let state = State::new(&placement);
-    let sigma = state.thermal_energy().expect("balls").sqrt() * state.units.velocity();
+    let sigma = state.totals().thermal_energy().expect("balls").sqrt() * state.units.velocity();
     let exact = measure(&mut EventDriven::new(state.clone()), 1000.0);
     for (steps_per_time, time) in [(7.5, 400.0), (15.0, 800.0), (30.0, 800.0)] {
         let step = 1.0 / steps_per_time;

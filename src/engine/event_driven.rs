@@ -16,6 +16,7 @@ mod ahead;
 mod needs;
 mod search;
 mod shells;
+mod sieve;
 mod surroundings;
 
 use std::marker::PhantomData;

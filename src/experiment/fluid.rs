@@ -126,7 +126,7 @@ fn point(
     }
     let state = trial.state();
     let averages = (trial.observer.blocks.averages(state.now)).expect("time has passed");
-    let energy = state.thermal_energy().expect("balls that move");
+    let energy = state.totals().thermal_energy().expect("balls that move");
     let count = f64::from(balls);
     let duration = averages.duration * state.units.time;
     let temperature = energy * state.units.energy();

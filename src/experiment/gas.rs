@@ -317,7 +317,10 @@ fn sample(trial: &Trial, (start, impulse, counts): Begin, theory: &Theory) -> Sa
         now.pair_collisions - counts.pair_collisions,
         now.wall_collisions - counts.wall_collisions,
     );
-    let energy = state.thermal_energy().expect("molecules that move");
+    let energy = state
+        .totals()
+        .thermal_energy()
+        .expect("molecules that move");
     let temperature = energy * units.energy() / Units::Si.boltzmann();
     let expected = theory.at(temperature);
     let ratio = |count: u64, rate: Option<f64>| rate.map(|rate| count as f64 / (rate * duration));

@@ -149,7 +149,9 @@ impl Trial {
 
     /// What does not balance.
     pub fn drift(&self) -> Drift {
-        self.observer.ledger.drift(self.state())
+        self.observer
+            .ledger
+            .drift(self.state().now, &self.state().totals())
     }
 
     /// Relative change of the kinetic energy, without sign.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::Sums;
 use crate::event::{Collision, Participants};
-use crate::state::{State, Time};
+use crate::state::{State, Time, Totals};
 use crate::sum::Sum;
 
 /// The accounts of a run.
@@ -42,10 +42,11 @@ impl Ledger {
     /// Opens the accounts at the state's present.
     pub fn new(state: &State) -> Self {
         let sum = |value: f64| Sum::from_iter([value]);
+        let totals = state.totals();
         Self {
-            kinetic_energy: state.kinetic_energy(),
-            radial_momentum: sum(state.radial_momentum()),
-            momentum: state.momentum().to_array().map(sum),
+            kinetic_energy: totals.kinetic_energy,
+            radial_momentum: sum(totals.radial_momentum),
+            momentum: totals.momentum.to_array().map(sum),
             opened: state.now,
             pair_virial: Sum::default(),
             wall_impulse: Sum::default(),
@@ -97,26 +98,21 @@ impl Ledger {
             *momentum = Sum::from_iter([-momentum.value()]);
         }
         // The reversal turns G into -G: what the gas has now, less what it had.
-        self.radial_momentum.add(2.0 * state.radial_momentum());
+        self.radial_momentum
+            .add(2.0 * state.totals().radial_momentum);
     }
 
-    /// Compares the accounts with the state at its present. Reads every ball.
-    pub fn drift(&self, state: &State) -> Drift {
-        let elapsed = state.now.since(self.opened);
-        let flight = 2.0 * self.kinetic_energy * elapsed;
-        let magnitude =
-            |ball: usize| state.bodies.of(ball).mass * state.trajectories[ball].velocity.length();
-        let momenta = (0..state.ball_count())
-            .map(magnitude)
-            .collect::<Sum>()
-            .value();
+    /// Compares the accounts with what the balls have at a time.
+    pub fn drift(&self, now: Time, totals: &Totals) -> Drift {
+        let flight = 2.0 * self.kinetic_energy * now.since(self.opened);
         let expected = DVec3::from_array(self.momentum.map(|sum| sum.value()));
-        let missing = state.radial_momentum() - self.radial_momentum.value() - flight;
+        let missing = totals.radial_momentum - self.radial_momentum.value() - flight;
+        let scale = totals.momentum_scale;
         Drift {
             energy: (self.kinetic_energy > 0.0)
-                .then(|| state.kinetic_energy() / self.kinetic_energy - 1.0),
-            momentum: (momenta > 0.0 && !self.summed)
-                .then(|| (state.momentum() - expected).length() / momenta),
+                .then(|| totals.kinetic_energy / self.kinetic_energy - 1.0),
+            momentum: (scale > 0.0 && !self.summed)
+                .then(|| (totals.momentum - expected).length() / scale),
             virial: (flight > 0.0 && !self.summed).then(|| missing.abs() / flight),
         }
     }

@@ -26,7 +26,7 @@ impl Motion {
         let groups: Vec<u16> = tracked.iter().map(|&(_, group)| group).collect();
         Self {
             balls: tracked.iter().map(|&(ball, _)| ball).collect(),
-            drift: state.drift(),
+            drift: state.totals().drift(),
             drifted: DVec3::ZERO,
             last_look: state.now,
             displacement: Correlator::new(Kind::Displacement, groups.clone(), group_count),

@@ -48,7 +48,7 @@ impl Speeds {
     /// In a mixture, a ball counts with the speed that a ball of the first ball's mass would have at its kinetic energy, so
     /// that one curve holds for all.
     pub fn of(state: &State) -> Option<Self> {
-        Self::at_energy(state, state.kinetic_energy())
+        Self::at_energy(state, state.totals().kinetic_energy)
     }
 
     /// The same where the kinetic energy is known.

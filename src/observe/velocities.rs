@@ -22,7 +22,7 @@ impl Velocities {
     pub fn of(state: &State) -> Self {
         let mut followed = Self {
             bodies: state.bodies.clone(),
-            drift: state.drift(),
+            drift: state.totals().drift(),
             of_balls: vec![DVec3::ZERO; state.ball_count()],
         };
         followed.set_right(state);

@@ -40,12 +40,13 @@ pub struct Survey {
 impl Survey {
     /// Reads every ball.
     pub fn of(state: &State, observer: &Observer) -> Self {
-        let drift = observer.ledger.drift(state);
+        let totals = state.totals();
+        let drift = observer.ledger.drift(state.now, &totals);
         let velocity = state.units.velocity();
-        let speeds = Speeds::of(state);
+        let speeds = Speeds::at_energy(state, totals.kinetic_energy);
         Self {
-            kinetic_energy: state.kinetic_energy() * state.units.energy(),
-            thermal_energy: state
+            kinetic_energy: totals.kinetic_energy * state.units.energy(),
+            thermal_energy: totals
                 .thermal_energy()
                 .map(|energy| energy * state.units.energy()),
             energy_drift: drift.energy,
@@ -122,7 +123,10 @@ impl Pressures {
         let count = (0..state.ball_count())
             .filter(|&ball| state.bodies.of(ball).mass.is_finite())
             .count() as f64;
-        let kinetic = state.thermal_energy().map_or(0.0, |energy| count * energy);
+        let kinetic = state
+            .totals()
+            .thermal_energy()
+            .map_or(0.0, |energy| count * energy);
         let edges = match state.domain.boundary {
             Boundary::Container => {
                 Some(2.0 * (state.domain.half_size - state.bodies.mean_radius()))

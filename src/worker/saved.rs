@@ -177,7 +177,7 @@ impl SavedRun {
         if let Some(ball) = (0..count).find(|&ball| self.is_outside(ball)) {
             return wrong(&format!("ball {ball} is outside the box"));
         }
-        if self.state.kinetic_energy() != self.kinetic_energy {
+        if self.state.totals().kinetic_energy != self.kinetic_energy {
             return wrong("its balls do not have the energy that it says");
         }
         Ok(())

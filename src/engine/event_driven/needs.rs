@@ -7,6 +7,9 @@ use crate::state::{Bodies, Body, State};
 
 /// What the loop asks about its scene again and again.
 pub trait Needs: KnownBoundary + Copy + Send {
+    /// Whether all balls are known to be alike.
+    const ALIKE: bool;
+
     /// Radius and mass of a ball.
     fn body(bodies: &Bodies, ball: usize) -> Body;
 
@@ -27,6 +30,8 @@ impl Plain for Walls {}
 impl Plain for Wrapped {}
 
 impl Needs for General {
+    const ALIKE: bool = false;
+
     #[inline(always)]
     fn body(bodies: &Bodies, ball: usize) -> Body {
         bodies.of(ball)
@@ -44,6 +49,8 @@ impl Needs for General {
 }
 
 impl<P: Plain> Needs for P {
+    const ALIKE: bool = true;
+
     #[inline(always)]
     fn body(bodies: &Bodies, _ball: usize) -> Body {
         bodies.kinds()[0]

@@ -1,15 +1,16 @@
 //! A ball's search for its next partner among the balls near it.
 
-use glam::DVec3;
+use std::marker::PhantomData;
 
+use glam::DVec3;
+use prefetch_index::prefetch_index;
+
+use super::needs::Needs;
+use super::sieve::{AT_ONCE, Sight, sift};
 use crate::cell_list::{Cell, CellList, Company};
 use crate::collision::{image_pair_time, may_meet, pair_time, separation_at_later_begin};
-use crate::engine::event_driven::needs::Needs;
-use crate::engine::image::steps_of;
-use crate::state::{State, Time};
-
-/// Balls looked at in one go.
-const AT_ONCE: usize = 32;
+use crate::engine::image::{image_of, number_of, steps_of};
+use crate::state::{Bodies, State, Time, Trajectory};
 
 /// The earliest pair collision that a ball knows of.
 #[derive(Clone, Copy, Debug)]
@@ -53,63 +54,136 @@ impl Candidate {
     }
 }
 
-/// Improves a ball's candidate by its collisions with the others of a cell.
-#[inline]
-pub fn look<N: Needs>(
-    state: &State,
-    cells: &CellList<N>,
+/// A ball that looks for its earliest collision with the others in some cells.
+///
+/// It first writes down who they are, and then looks at many at a time: while it writes, the memory of their flights comes.
+pub struct Search<'a, N> {
+    state: &'a State,
     ball: usize,
-    company: Company,
-    best: &mut Candidate,
-) {
-    if let Some(cell) = company.at_face {
-        look_at_images(state, cells, ball, company.balls, cell, best);
-    } else {
+    others: [u32; AT_ONCE],
+    count: usize,
+    best: &'a mut Candidate,
+    needs: PhantomData<N>,
+}
+
+impl<'a, N: Needs> Search<'a, N> {
+    /// To improve a ball's candidate.
+    #[inline(always)]
+    pub fn new(state: &'a State, ball: usize, best: &'a mut Candidate) -> Self {
+        Self {
+            state,
+            ball,
+            others: [0; AT_ONCE],
+            count: 0,
+            best,
+            needs: PhantomData,
+        }
+    }
+
+    /// Also among the company in one of the cells.
+    #[inline(always)]
+    pub fn add(&mut self, cells: &CellList<N>, company: Company) {
+        if let Some(cell) = company.at_face {
+            return look_at_images(self.state, cells, self.ball, company.balls, cell, self.best);
+        }
         // No face of a periodic box passes this cell.
-        let see = |other| (other, None);
-        look_at::<N>(state, ball, company.balls, see, |_| DVec3::ZERO, best);
+        let mut balls = company.balls;
+        while self.count + balls.len() > AT_ONCE {
+            let (first, rest) = balls.split_at(AT_ONCE - self.count);
+            self.write_down(first);
+            self.look();
+            balls = rest;
+        }
+        self.write_down(balls);
+    }
+
+    #[inline(always)]
+    fn write_down(&mut self, balls: &[u32]) {
+        let flights = &self.state.trajectories[..];
+        for (place, &other) in self.others[self.count..].iter_mut().zip(balls) {
+            *place = other;
+            prefetch_index(flights, other as usize);
+        }
+        self.count += balls.len();
+    }
+
+    /// Looks at those that have been added.
+    #[inline]
+    pub fn look(&mut self) {
+        let others = &self.others[..self.count];
+        let here = Here::<N>::of(self.state, self.ball);
+        look_at(self.state, self.ball, others, &here, self.best);
+        self.count = 0;
     }
 }
 
-/// Improves a ball's candidate by its collisions with others, each at one image: `see` gives the other ball and the number of the
-/// image by which the looking one meets it, if there are images, and `shift` the way to that.
-#[inline(always)]
-pub fn look_at<N: Needs>(
+/// A ball's view of others that are where they are.
+struct Here<'a, N> {
+    flights: &'a [Trajectory],
+    bodies: &'a Bodies,
+    radius: f64,
+    needs: PhantomData<N>,
+}
+
+impl<'a, N: Needs> Here<'a, N> {
+    #[inline(always)]
+    fn of(state: &'a State, ball: usize) -> Self {
+        Self {
+            flights: &state.trajectories,
+            bodies: &state.bodies,
+            radius: N::body(&state.bodies, ball).radius,
+            needs: PhantomData,
+        }
+    }
+}
+
+impl<N: Needs> Sight for Here<'_, N> {
+    const AT_IMAGES: bool = false;
+
+    #[inline(always)]
+    fn flight(&self, seen: u32) -> &Trajectory {
+        &self.flights[seen as usize]
+    }
+
+    #[inline(always)]
+    fn contact(&self, seen: u32) -> f64 {
+        let radius = if N::ALIKE {
+            self.radius
+        } else {
+            N::body(self.bodies, seen as usize).radius
+        };
+        self.radius + radius
+    }
+
+    #[inline(always)]
+    fn shift(&self, _seen: u32) -> DVec3 {
+        DVec3::ZERO
+    }
+}
+
+/// Improves a ball's candidate by its collisions with others, each at one image.
+#[inline]
+pub fn look_at<T: Sight>(
     state: &State,
     ball: usize,
     others: &[u32],
-    see: impl Fn(u32) -> (u32, Option<usize>),
-    shift: impl Fn(usize) -> DVec3,
+    sight: &T,
     best: &mut Candidate,
 ) {
-    let trajectory = &state.trajectories[ball];
-    let radius = N::body(&state.bodies, ball).radius;
-    let contact = |other: u32| radius + N::body(&state.bodies, other as usize).radius;
+    let flight = &state.trajectories[ball];
+    let mut possible = [0; AT_ONCE];
     for others in others.chunks(AT_ONCE) {
-        // Nobody can foresee which pairs may meet, least of all the processor: so all are looked at without a branch, which
-        // also lets it fetch several flights at a time. A ball never may meet itself: it does not approach.
-        let mut possible = [0; AT_ONCE];
-        let mut count = 0;
-        for &seen in others {
-            let (other, image) = see(seen);
-            let flight = &state.trajectories[other as usize];
-            let (_, mut separation) = separation_at_later_begin(trajectory, flight);
-            if let Some(image) = image {
-                separation += shift(image);
-            }
-            let velocity = trajectory.velocity - flight.velocity;
-            possible[count] = seen;
-            count += usize::from(may_meet(separation, velocity, contact(other)));
-        }
+        let count = sift(flight, others, sight, &mut possible);
         for &seen in &possible[..count] {
-            let (other, image) = see(seen);
-            let flight = &state.trajectories[other as usize];
-            let time = match image {
-                None => pair_time(trajectory, flight, contact(other)),
-                Some(image) => image_pair_time(trajectory, flight, contact(other), shift(image)),
+            let (other, contact) = (sight.flight(seen), sight.contact(seen));
+            let (time, image) = if T::AT_IMAGES {
+                let time = image_pair_time(flight, other, contact, sight.shift(seen));
+                (time, steps_of(image_of(seen)))
+            } else {
+                (pair_time(flight, other, contact), [0; 3])
             };
             if let Some(time) = time {
-                best.improve(ball, other, time, image.map_or([0; 3], steps_of));
+                best.improve(ball, number_of(seen), time, image);
             }
         }
     }

@@ -12,6 +12,7 @@ use prefetch_index::prefetch_index;
 
 use super::needs::Needs;
 use super::search::{Candidate, look_at};
+use super::sieve::Sight;
 use super::surroundings::Surroundings;
 use crate::cell_list::CellList;
 use crate::domain::Boundary;
@@ -298,10 +299,51 @@ impl<N: Needs> Surroundings<N> for Shells<N> {
     #[inline]
     fn look(&self, state: &State, ball: usize) -> Candidate {
         let mut best = Candidate::NONE;
-        let periodic = N::of(self.boundary) == Boundary::Periodic;
-        let see = |seen| (number_of(seen), periodic.then(|| image_of(seen)));
-        let shift = |image: usize| self.shifts[image];
-        look_at::<N>(state, ball, self.neighbours(ball), see, shift, &mut best);
+        let others = self.neighbours(ball);
+        if others.iter().all(|&seen| image_of(seen) == 0) {
+            let view = View::<false>::of(self, state);
+            look_at(state, ball, others, &view, &mut best);
+        } else {
+            let view = View::<true>::of(self, state);
+            look_at(state, ball, others, &view, &mut best);
+        }
         best
+    }
+}
+
+/// A ball's view of its neighbours, perhaps at images.
+struct View<'a, const AT_IMAGES: bool> {
+    flights: &'a [Trajectory],
+    contact: f64,
+    shifts: &'a [DVec3; IMAGES],
+}
+
+impl<'a, const AT_IMAGES: bool> View<'a, AT_IMAGES> {
+    #[inline(always)]
+    fn of<N: Needs>(shells: &'a Shells<N>, state: &'a State) -> Self {
+        Self {
+            flights: &state.trajectories,
+            contact: 2.0 * N::body(&state.bodies, 0).radius,
+            shifts: &shells.shifts,
+        }
+    }
+}
+
+impl<const AT_IMAGES: bool> Sight for View<'_, AT_IMAGES> {
+    const AT_IMAGES: bool = AT_IMAGES;
+
+    #[inline(always)]
+    fn flight(&self, seen: u32) -> &Trajectory {
+        &self.flights[number_of(seen) as usize]
+    }
+
+    #[inline(always)]
+    fn contact(&self, _seen: u32) -> f64 {
+        self.contact
+    }
+
+    #[inline(always)]
+    fn shift(&self, seen: u32) -> DVec3 {
+        self.shifts[image_of(seen)]
     }
 }

@@ -2,10 +2,10 @@
 
 use prefetch_index::prefetch_index;
 
-use crate::cell_list::{CellList, Company};
+use crate::cell_list::CellList;
 use crate::domain::Boundary;
 use crate::engine::event_driven::needs::Needs;
-use crate::engine::event_driven::search::{Candidate, look};
+use crate::engine::event_driven::search::{Candidate, Search};
 use crate::event::Wall;
 use crate::state::State;
 
@@ -84,9 +84,11 @@ impl<N: Needs> Surroundings<N> for CellList<N> {
         let trajectory = state.trajectories[ball];
         let place = (trajectory.position_at(state.now), trajectory.velocity);
         let radius = N::body(&state.bodies, ball).radius;
-        self.cross(ball, place, radius, axis, |cells, company: Company| {
-            look(state, cells, ball, company, best);
+        let mut search = Search::new(state, ball, best);
+        self.cross(ball, place, radius, axis, |cells, company| {
+            search.add(cells, company);
         });
+        search.look();
     }
 
     #[inline]
@@ -125,9 +127,9 @@ impl<N: Needs> Surroundings<N> for CellList<N> {
     #[inline]
     fn look(&self, state: &State, ball: usize) -> Candidate {
         let mut best = Candidate::NONE;
-        self.for_each_company(ball, |company| {
-            look(state, self, ball, company, &mut best);
-        });
+        let mut search = Search::new(state, ball, &mut best);
+        self.for_each_company(ball, |company| search.add(self, company));
+        search.look();
         best
     }
 }

@@ -73,7 +73,7 @@ impl Scale {
             (light.min(mass), heavy.max(mass))
         });
         let speed_bound = if heavy > 0.0 {
-            (2.0 * state.kinetic_energy() / light).sqrt()
+            (2.0 * state.totals().kinetic_energy / light).sqrt()
         } else {
             0.0
         };

@@ -72,7 +72,10 @@ impl Mixture {
             kinds,
             open_volume,
             shielding,
-            thermal_energy: state.thermal_energy().filter(|&energy| energy > 0.0)?,
+            thermal_energy: state
+                .totals()
+                .thermal_energy()
+                .filter(|&energy| energy > 0.0)?,
         })
     }
 

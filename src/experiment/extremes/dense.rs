@@ -91,7 +91,7 @@ fn jam(verdict: &mut Verdict, choice: Choice) {
 
 /// Compressibility factor from the virial gained since `virial`, over a time in the scene's units.
 pub fn compressibility(state: &State, virial: f64, time: f64) -> f64 {
-    let energy = state.thermal_energy().expect("balls that move");
+    let energy = state.totals().thermal_energy().expect("balls that move");
     let epochs = time / state.units.time;
     1.0 + virial / (3.0 * state.ball_count() as f64 * energy * epochs)
 }

@@ -57,7 +57,7 @@ fn run(density: f64) -> Run {
         .map(|value| (value - mean) * (value - mean))
         .sum();
     let state = trial.state();
-    let energy = state.thermal_energy().expect("balls that move") * state.units.energy();
+    let energy = state.totals().thermal_energy().expect("balls that move") * state.units.energy();
     Run {
         density,
         compressibility: mean,
@@ -205,7 +205,7 @@ pub fn diffusion() -> Verdict {
         far += mean_square(&trial);
     }
     let state = trial.state();
-    let energy = state.thermal_energy().expect("balls that move") * state.units.energy();
+    let energy = state.totals().thermal_energy().expect("balls that move") * state.units.energy();
     let found = (far - near) / f64::from(WINDOWS) / 60.0 / energy.sqrt();
     verdict.near("diffusion coefficient", found, 0.240, 0.08 * 0.240);
     verdict.note(format!(

@@ -114,7 +114,7 @@ pub fn dilute() -> Verdict {
     let mut trial = Trial::new(WINDOWED, &gas);
     let state = trial.state();
     let deviation =
-        (state.thermal_energy().expect("balls that move") * state.units.energy()).sqrt();
+        (state.totals().thermal_energy().expect("balls that move") * state.units.energy()).sqrt();
     let expected = 0.5 * (count - 1.0) * 4.0 * PI.sqrt() * (count / volume) * deviation;
     let pairs = |trial: &Trial| trial.engine.counters().pair_collisions;
     let mut slices = 0_u32;
@@ -172,7 +172,7 @@ pub fn mixture() -> Verdict {
         |power: i32| PI / 6.0 * density * diameters.iter().map(|d| d.powi(power)).sum::<f64>();
     let moments = [moment(1), moment(2), moment(3)];
     let state = trial.state();
-    let energy = state.thermal_energy().expect("balls that move") * state.units.energy();
+    let energy = state.totals().thermal_energy().expect("balls that move") * state.units.energy();
     let rate_of = |i: usize, j: usize| {
         let distance = 0.5 * (diameters[i] + diameters[j]);
         let reduced = masses[i] * masses[j] / (masses[i] + masses[j]);

@@ -56,8 +56,9 @@ pub fn long() -> Verdict {
     let state = trial.state();
     let UnitScale { time, .. } = state.units;
     let (pressure, area) = (state.units.pressure(), state.domain.wall_area());
-    let temperature =
-        state.thermal_energy().expect("balls that move") * state.units.energy() / 1.380_649e-23;
+    let temperature = state.totals().thermal_energy().expect("balls that move")
+        * state.units.energy()
+        / 1.380_649e-23;
     trial.run(1e-9);
     let impulse = trial.observer.ledger.wall_impulse();
     let counts = trial.engine.counters();

@@ -153,13 +153,13 @@ fn compare_cost(verdict: &mut Verdict, n: usize, time: f64) {
 fn exact_echo_of(n: usize, time: f64) -> Verdict {
     let mut verdict = Verdict::default();
     let state = State::new(&seed_scene(n, 1));
-    let energy = state.kinetic_energy();
+    let energy = state.totals().kinetic_energy;
     let turn = state.units.instant(time);
     let end = state.units.instant(2.0 * time);
     let mut engine = Reversible::new(state).expect("a scene within range");
     let start = engine.words();
     engine.advance(turn, &mut |_| {}).expect("room to move");
-    let drift = (engine.state().kinetic_energy() / energy - 1.0).abs();
+    let drift = (engine.state().totals().kinetic_energy / energy - 1.0).abs();
     engine.reverse();
     engine.advance(end, &mut |_| {}).expect("room to move");
     let differ = |(start, end): (&Words, &Words)| -> usize {

@@ -274,7 +274,7 @@ impl Rule {
 
     /// Root mean square way since the beginning, in spacings, without the drift of the whole gas.
     fn way(&self, state: &State) -> f64 {
-        let drifted = state.drift() * state.now.since(crate::state::Time::default());
+        let drifted = state.totals().drift() * state.now.since(crate::state::Time::default());
         let squares = self.from.iter().zip(places(state));
         let squares = squares.map(|(from, to)| (to - *from - drifted).length_squared());
         (squares.sum::<f64>() / self.from.len().max(1) as f64).sqrt() / self.spacing

@@ -259,7 +259,7 @@ fn summary(trial: &Trial, slices: &[Slice], squares: &[f64], seconds: f64) -> Me
         (what(&total) != 0.0 && total.time > 0.0).then(|| estimate(&blocks, total, what, chance))
     };
     let steady = state.domain.boundary != Boundary::Open;
-    let energy = state.ball_count() as f64 * state.thermal_energy().unwrap_or(f64::NAN);
+    let energy = state.ball_count() as f64 * state.totals().thermal_energy().unwrap_or(f64::NAN);
     let scale = |estimate: Estimate, factor: f64| Estimate {
         value: factor * estimate.value,
         noise: factor * estimate.noise,
@@ -363,7 +363,7 @@ impl Displacements {
             from: (0..state.ball_count())
                 .map(|ball| state.unwrapped_position(ball))
                 .collect(),
-            drift: state.drift(),
+            drift: state.totals().drift(),
             begin: state.now,
         }
     }

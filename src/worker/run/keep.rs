@@ -113,7 +113,7 @@ impl Run<'_> {
             time: self.time(),
             wall_time_s: self.meter.wall_time(),
             time_rate: self.meter.rates().map(|(rate, _)| rate),
-            kinetic_energy: state.kinetic_energy(),
+            kinetic_energy: state.totals().kinetic_energy,
             state,
             saved: self.engine.save(),
             observer: self.observer.clone(),

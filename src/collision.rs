@@ -91,7 +91,7 @@ pub fn approach_time(separation: DVec3, velocity: DVec3, contact: f64) -> Option
 
 /// The rest of [`approach_time`], for points that approach and do not miss by far.
 #[inline(never)]
-fn contact_time(separation: DVec3, velocity: DVec3, contact: f64) -> Option<f64> {
+pub fn contact_time(separation: DVec3, velocity: DVec3, contact: f64) -> Option<f64> {
     let radial = separation.dot(velocity);
     let speed_squared = velocity.length_squared();
     let distance = separation.length();

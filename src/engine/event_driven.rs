@@ -13,6 +13,7 @@
 //! is then looked at with one of the two moved by whole boxes.
 
 mod ahead;
+mod centers;
 mod needs;
 mod search;
 mod shells;
@@ -86,7 +87,7 @@ fn fitting_plain<C: Calendar + 'static, P: Plain + 'static>(
     state: State,
     tally: Option<Tally>,
 ) -> Box<dyn Engine> {
-    match Shells::<P>::fitting(&state) {
+    match Shells::fitting(&state) {
         Some(shells) => Box::new(EventDriven::<C, P, _>::among(state, shells).resumed(tally)),
         None => Box::new(EventDriven::<C, P>::with_calendar(state).resumed(tally)),
     }
@@ -96,7 +97,7 @@ fn fitting_plain<C: Calendar + 'static, P: Plain + 'static>(
 /// needs more than they can do.
 pub fn with_shells(state: State, shell: f64) -> Option<Box<dyn Engine>> {
     fn plain<P: Plain + 'static>(state: State, shell: f64) -> Option<Box<dyn Engine>> {
-        let shells = Shells::<P>::with_shell(&state, shell)?;
+        let shells = Shells::with_shell(&state, shell)?;
         Some(Box::new(EventDriven::<Indexed, P, _>::among(state, shells)))
     }
     match needs::plain(&state)? {

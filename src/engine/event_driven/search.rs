@@ -8,9 +8,12 @@ use prefetch_index::prefetch_index;
 use super::needs::Needs;
 use super::sieve::{AT_ONCE, Sight, sift};
 use crate::cell_list::{Cell, CellList, Company};
-use crate::collision::{image_pair_time, may_meet, pair_time, separation_at_later_begin};
+use crate::collision::{contact_time, image_pair_time, may_meet, separation_at_later_begin};
 use crate::engine::image::{image_of, number_of, steps_of};
 use crate::state::{Bodies, State, Time, Trajectory};
+
+/// Share by which rounding may change the square of a distance, with a wide margin.
+const ROUNDING: f64 = 1e-9;
 
 /// The earliest pair collision that a ball knows of.
 #[derive(Clone, Copy, Debug)]
@@ -46,6 +49,18 @@ impl Candidate {
                 image,
             };
         }
+    }
+
+    /// Whether this comes before two points can be `contact` apart that are at `separation` at the time `begin` and move apart with
+    /// `velocity`: when it comes, they are still on their way. In doubt it does not; to ask is quicker than to find out when they are.
+    #[inline(always)]
+    fn comes_before(&self, begin: Time, separation: DVec3, velocity: DVec3, contact: f64) -> bool {
+        if self.partner == u32::MAX {
+            return false;
+        }
+        let apart = separation + velocity * self.time.since(begin);
+        let margin = ROUNDING * (contact * contact + separation.length_squared());
+        apart.dot(velocity) < 0.0 && apart.length_squared() > contact * contact + margin
     }
 
     /// The way from the ball to the image that meets its partner \[length\].
@@ -176,13 +191,18 @@ pub fn look_at<T: Sight>(
         let count = sift(flight, others, sight, &mut possible);
         for &seen in &possible[..count] {
             let (other, contact) = (sight.flight(seen), sight.contact(seen));
-            let (time, image) = if T::AT_IMAGES {
-                let time = image_pair_time(flight, other, contact, sight.shift(seen));
-                (time, steps_of(image_of(seen)))
-            } else {
-                (pair_time(flight, other, contact), [0; 3])
-            };
-            if let Some(time) = time {
+            let (begin, mut separation) = separation_at_later_begin(flight, other);
+            let mut image = [0; 3];
+            if T::AT_IMAGES {
+                separation += sight.shift(seen);
+                image = steps_of(image_of(seen));
+            }
+            let velocity = flight.velocity - other.velocity;
+            if best.comes_before(begin, separation, velocity, contact) {
+                continue;
+            }
+            let meeting = contact_time(separation, velocity, contact);
+            if let Some(time) = meeting.and_then(|duration| begin.after(duration)) {
                 best.improve(ball, number_of(seen), time, image);
             }
         }

@@ -10,12 +10,11 @@
 use glam::{DVec3, Vec3};
 use prefetch_index::prefetch_index;
 
+use super::centers::Centers;
 use super::needs::Needs;
 use super::search::{Candidate, look_at};
 use super::sieve::Sight;
 use super::surroundings::Surroundings;
-use crate::cell_list::CellList;
-use crate::domain::Boundary;
 use crate::engine::image::{IMAGE_SHIFT, IMAGES, Seen, image_at, image_of, number_of, steps_of};
 use crate::event::Wall;
 use crate::state::{State, Trajectory};
@@ -41,20 +40,18 @@ const HEAD: usize = 4;
 
 /// Neighbours of every ball.
 #[derive(Clone, Debug)]
-pub struct Shells<N> {
+pub struct Shells {
     /// Radius of a shell \[length\].
     shell: f64,
     /// Distance of centres up to which balls are neighbours \[length\].
     reach: f64,
-    /// Finds the centres near one.
-    cells: CellList<N>,
+    centers: Centers,
     /// Of each ball a record of so many words: its shell's centre in f32, the number of its neighbours, and these, each at the
     /// image that is near. Side by side, because memory comes in lines.
     records: Vec<u32>,
     words: usize,
     /// By how much each image is moved \[length\].
     shifts: [DVec3; IMAGES],
-    boundary: Boundary,
     /// What was found around a place.
     found: Vec<Seen>,
 }
@@ -77,7 +74,7 @@ pub fn words_for(volume: f64, count: usize, radius: f64, shell: f64) -> usize {
     (HEAD + longest as usize).next_multiple_of(WORDS_PER_LINE)
 }
 
-impl<N: Needs> Shells<N> {
+impl Shells {
     /// For balls that are all alike, in a box without planes; `None` where cells are faster, or a ball could see two images of
     /// another.
     pub fn fitting(state: &State) -> Option<Self> {
@@ -94,10 +91,9 @@ impl<N: Needs> Shells<N> {
         let possible = roomy && state.ball_count() < 1 << IMAGE_SHIFT;
         possible.then(|| Self {
             shell: shell * (1.0 - SLACK),
-            boundary: domain.boundary,
             found: Vec::new(),
             reach,
-            cells: CellList::new(domain, reach, state.ball_count()),
+            centers: Centers::new(domain, reach),
             records: Vec::new(),
             words: words_for(domain.volume(), state.ball_count(), radius, shell),
             shifts: std::array::from_fn(|image| {
@@ -162,30 +158,38 @@ impl<N: Needs> Shells<N> {
 
     /// A ball gets a shell around another place.
     fn move_shell(&mut self, ball: usize, position: DVec3) {
-        let center = center_at(position);
-        self.cells.relocate(ball, center, 0.0);
+        let center = position.as_vec3();
+        self.centers.relocate(ball as u32, center);
         self.settle(ball, center);
     }
 
     /// Gives a ball a shell around a place and brings its list and those of the others up to date.
-    fn settle(&mut self, ball: usize, center: DVec3) {
+    fn settle(&mut self, ball: usize, center: Vec3) {
         for axis in 0..3 {
-            self.records[ball * self.words + axis] = (center[axis] as f32).to_bits();
+            self.records[ball * self.words + axis] = center[axis].to_bits();
         }
         let mut found = std::mem::take(&mut self.found);
-        found.clear();
-        self.cells
-            .for_each_company_near(center, self.reach, |company| {
-                for &other in company.balls {
-                    if let Some(image) = self.image_near(center - self.center(other as usize))
-                        && other as usize != ball
-                        // A ball at a face of a cell is in the next one, too.
-                        && !found.iter().any(|&seen| number_of(seen) == other)
-                    {
-                        found.push(other | image << IMAGE_SHIFT);
-                    }
-                }
-            });
+        let mut count = 0;
+        let reach_squared = self.reach * self.reach;
+        self.centers.for_each_cell_near(center, |others, image| {
+            let from = center.as_dvec3() + self.shifts[image as usize];
+            if count + others.len() > found.len() {
+                found.resize(count + others.len(), 0);
+            }
+            // Most are too far away, and which are cannot be foreseen: so all are written down, some in vain.
+            for other in others {
+                let apart = from - other.place.as_dvec3();
+                let near = apart.length_squared() < reach_squared;
+                found[count] = other.ball | image << IMAGE_SHIFT;
+                count += usize::from(near & (other.ball != ball as u32));
+            }
+        });
+        self.bring_up_to_date(ball, &found[..count]);
+        self.found = found;
+    }
+
+    /// Makes these the neighbours of a ball, and it theirs.
+    fn bring_up_to_date(&mut self, ball: usize, found: &[Seen]) {
         let mut place = 0;
         while let Some(&seen) = self.neighbours(ball).get(place) {
             if found.contains(&seen) {
@@ -195,50 +199,26 @@ impl<N: Needs> Shells<N> {
                 self.remove(number_of(seen) as usize, ball);
             }
         }
-        for &seen in &found {
+        for &seen in found {
             if !self.neighbours(ball).contains(&seen) {
                 let back = image_at(steps_of(image_of(seen)).map(|step| -step));
                 self.insert(ball, seen);
                 self.insert(number_of(seen) as usize, ball as u32 | back << IMAGE_SHIFT);
             }
         }
-        self.found = found;
-    }
-
-    /// By which image of the first of two centres they are neighbours, if they are.
-    #[inline(always)]
-    fn image_near(&self, apart: DVec3) -> Option<u32> {
-        let reach_squared = self.reach * self.reach;
-        if N::of(self.boundary) != Boundary::Periodic {
-            return (apart.length_squared() < reach_squared).then_some(0);
-        }
-        let period = self.shifts[1 + 3 + 9];
-        // The lesser of two ways around the box.
-        let nearest = apart.abs().min(period - apart.abs());
-        (nearest.length_squared() < reach_squared).then(|| {
-            image_at(std::array::from_fn(|axis| {
-                let half = 0.5 * period[axis];
-                i8::from(apart[axis] < -half) - i8::from(apart[axis] > half)
-            }))
-        })
     }
 }
 
-/// Where a shell around a position has its centre: it is kept in f32.
-fn center_at(position: DVec3) -> DVec3 {
-    position.as_vec3().as_dvec3()
-}
-
-impl<N: Needs> Surroundings<N> for Shells<N> {
+impl<N: Needs> Surroundings<N> for Shells {
     fn clear(&mut self, state: &State) {
-        self.cells = CellList::new(&state.domain, self.reach, state.ball_count());
+        self.centers = Centers::new(&state.domain, self.reach);
         self.records.clear();
         self.records.reserve_exact(state.ball_count() * self.words);
     }
 
     fn push(&mut self, state: &State, ball: usize) {
-        let center = center_at(state.trajectories[ball].position_at(state.now));
-        self.cells.push(center, 0.0);
+        let center = state.trajectories[ball].position_at(state.now).as_vec3();
+        self.centers.push(center);
         self.records.resize((ball + 1) * self.words, 0);
         self.settle(ball, center);
     }
@@ -269,7 +249,7 @@ impl<N: Needs> Surroundings<N> for Shells<N> {
     fn cross(&mut self, state: &State, ball: usize, _axis: usize, best: &mut Candidate) {
         let center = state.trajectories[ball].position_at(state.now);
         self.move_shell(ball, center);
-        *best = self.look(state, ball);
+        *best = Surroundings::<N>::look(self, state, ball);
     }
 
     #[inline]
@@ -301,10 +281,10 @@ impl<N: Needs> Surroundings<N> for Shells<N> {
         let mut best = Candidate::NONE;
         let others = self.neighbours(ball);
         if others.iter().all(|&seen| image_of(seen) == 0) {
-            let view = View::<false>::of(self, state);
+            let view = View::<false>::of::<N>(self, state);
             look_at(state, ball, others, &view, &mut best);
         } else {
-            let view = View::<true>::of(self, state);
+            let view = View::<true>::of::<N>(self, state);
             look_at(state, ball, others, &view, &mut best);
         }
         best
@@ -320,7 +300,7 @@ struct View<'a, const AT_IMAGES: bool> {
 
 impl<'a, const AT_IMAGES: bool> View<'a, AT_IMAGES> {
     #[inline(always)]
-    fn of<N: Needs>(shells: &'a Shells<N>, state: &'a State) -> Self {
+    fn of<N: Needs>(shells: &'a Shells, state: &'a State) -> Self {
         Self {
             flights: &state.trajectories,
             contact: 2.0 * N::body(&state.bodies, 0).radius,

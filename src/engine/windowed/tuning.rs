@@ -27,11 +27,16 @@ const LONGEST_WINDOW: f64 = 4.0;
 /// Shortest window \[epochs\]: far above the grid of time.
 const SHORTEST_WINDOW: f64 = 1.0 / (1_u64 << 40) as f64;
 
-/// From which numbers of balls, and at which mean spacing in diameters, this engine is the faster one (measured).
+/// Fewest balls of which this engine is the faster one (measured).
 const FEW_BALLS: usize = 1000;
-const MANY_BALLS: usize = 20_000;
-const DILUTE_FEW: f64 = 1.5;
-const DILUTE_MANY: f64 = 1.15;
+
+/// From which mean spacing in diameters on it is, with so many balls; and how much less that is with each doubling of their number
+/// (measured).
+const DILUTE: (usize, f64) = (4096, 2.7);
+const LESS_PER_DOUBLING: f64 = 0.34;
+
+/// The least such spacing (measured).
+const DENSEST: f64 = 1.15;
 
 /// Largest radius in smallest ones up to which the filter, which knows the largest only, lets little through in vain.
 const SIMILAR_SIZE: f64 = 4.0;
@@ -69,11 +74,8 @@ pub fn pays(gas: &Placement) -> bool {
         .iter()
         .map(|body| body.radius)
         .fold(f64::INFINITY, f64::min);
-    let dilute = if count >= MANY_BALLS {
-        DILUTE_MANY
-    } else {
-        DILUTE_FEW
-    };
+    let doublings = (count as f64 / DILUTE.0 as f64).log2();
+    let dilute = (DILUTE.1 - LESS_PER_DOUBLING * doublings).max(DENSEST);
     largest > 0.0
         && count >= FEW_BALLS
         && largest <= SIMILAR_SIZE * smallest
@@ -134,7 +136,7 @@ mod cost {
     /// Event: a new flight, but for the balls it looks at.
     pub const FLIGHT: f64 = 400.0;
     /// Event: a ball that is looked at.
-    pub const LOOK: f64 = 5.0;
+    pub const LOOK: f64 = 2.5;
 }
 
 /// How many times as much work as engine `event` windows may take before they do not pay: changing the engine is work too, and

@@ -1,8 +1,9 @@
 //! Finds balls that are near one another, for scenes whose radii may differ by any factor.
 //!
 //! Balls are kept in levels of like size (diameters within a factor of two), each a hashed grid whose cells are as wide as
-//! the level's largest ball. A cell holds few balls that do not overlap, so a query costs a constant; a query with a ball far
-//! wider than a level's cells looks at all balls of that level instead of at countless cells. Spatial hashing: Teschner et
+//! the level's largest ball, or wider where there is room between the balls. A cell holds few balls that do not overlap, so a query
+//! costs a constant; a query with a ball far wider than a level's cells looks at all balls of that level instead of at countless
+//! cells. Spatial hashing: Teschner et
 //! al., Optimized Spatial Hashing for Collision Detection of Deformable Objects, VMV 2003.
 
 use std::collections::BTreeMap;
@@ -11,6 +12,9 @@ use glam::DVec3;
 
 /// End of a chain.
 const NONE: u32 = u32::MAX;
+
+/// Width of the cells in mean spacings of a level's balls, where those are far apart: flat around.
+const SPACINGS_PER_CELL: f64 = 0.7;
 
 /// The level of the balls without size.
 const POINTS: i32 = i32::MIN;
@@ -21,6 +25,8 @@ pub(super) struct ContactGrid {
 }
 
 struct Level {
+    /// No ball is wider.
+    widest: f64,
     cell_width: f64,
     /// First ball of each bucket; a power of two in length.
     first: Vec<u32>,
@@ -30,24 +36,26 @@ struct Level {
 }
 
 impl ContactGrid {
-    /// An empty grid with room for balls of these radii.
-    pub(super) fn new(radii: impl Iterator<Item = f64>) -> Self {
+    /// An empty grid with room for balls of these radii, in about this volume.
+    pub(super) fn new(radii: impl Iterator<Item = f64>, volume: f64) -> Self {
         let mut counts: BTreeMap<i32, usize> = BTreeMap::new();
         for radius in radii {
             *counts.entry(level_of(radius)).or_default() += 1;
         }
         // Points are looked for from balls only, so their cells are as wide as those of the smallest balls.
         let smallest = counts.keys().copied().find(|&exponent| exponent != POINTS);
-        let cell_width = |exponent: i32| match smallest {
-            Some(smallest) => cell_width(exponent.max(smallest)),
+        let widest = |exponent: i32| match smallest {
+            Some(smallest) => widest(exponent.max(smallest)),
             None => 1.0, // nobody looks for them
         };
         let level = |(exponent, count): (i32, usize)| {
             let first = vec![NONE; count.next_power_of_two()];
+            let spacing = (volume / count as f64).cbrt();
             (
                 exponent,
                 Level {
-                    cell_width: cell_width(exponent),
+                    widest: widest(exponent),
+                    cell_width: widest(exponent).max(SPACINGS_PER_CELL * spacing),
                     first,
                     balls: Vec::new(),
                     next: Vec::new(),
@@ -98,8 +106,7 @@ impl ContactGrid {
             if *exponent == POINTS && radius == 0.0 {
                 continue; // two points never touch
             }
-            // No ball of the level is wider than a cell.
-            let reach = DVec3::splat(radius + 0.5 * level.cell_width);
+            let reach = DVec3::splat(radius + 0.5 * level.widest);
             let low = cell_of(position - reach, level.cell_width);
             let high = cell_of(position + reach, level.cell_width);
             let cells: f64 = (0..3)
@@ -135,16 +142,17 @@ fn level_of(radius: f64) -> i32 {
     radius.log2().ceil() as i32 // the logarithm of zero is cut to the smallest number
 }
 
-/// Width of the widest ball of a level, and a little more because a logarithm rounds.
-fn cell_width(exponent: i32) -> f64 {
+/// Diameter of the widest ball of a level, and a little more because a logarithm rounds.
+fn widest(exponent: i32) -> f64 {
     2.001 * 2f64.powi(exponent)
 }
 
 fn cell_of(position: DVec3, cell_width: f64) -> [i64; 3] {
-    (position / cell_width)
-        .floor()
-        .to_array()
-        .map(|cell| cell as i64)
+    (position / cell_width).to_array().map(|place| {
+        // Rounded down without a call.
+        let cell = place as i64;
+        cell - i64::from(cell as f64 > place)
+    })
 }
 
 fn bucket_of(x: i64, y: i64, z: i64, bucket_count: usize) -> usize {
@@ -159,7 +167,7 @@ mod tests {
     use super::*;
 
     fn pairs(balls: &[(DVec3, f64)]) -> Vec<(u32, u32)> {
-        let mut grid = ContactGrid::new(balls.iter().map(|ball| ball.1));
+        let mut grid = ContactGrid::new(balls.iter().map(|ball| ball.1), 1000.0);
         let mut found = Vec::new();
         for (index, &(position, radius)) in balls.iter().enumerate() {
             grid.near(position, radius, |other, _, _| {

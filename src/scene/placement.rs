@@ -165,7 +165,7 @@ fn insert_at_random(
     positions: &mut [DVec3],
     random: &mut Xoshiro256PlusPlus,
 ) -> Result<(), Vec<String>> {
-    let mut grid = ContactGrid::new(bodies.iter().map(|body| body.radius));
+    let mut grid = ContactGrid::new(bodies.iter().map(|body| body.radius), scene.domain.volume());
     for (index, position) in positions
         .iter()
         .enumerate()

@@ -24,6 +24,9 @@ const MOST_PER_AXIS: f64 = 1022.0;
 /// How many entries before its turn the memory for an entry is asked for: a line of memory.
 const ENTRIES_AHEAD: usize = 16;
 
+/// Places along an axis of a ball's way that are few.
+const FEW_PLACES: i32 = 4;
+
 /// A place on the grid; the layer around the cells is at -1 and at the count of cells.
 pub type Place = [i32; 3];
 
@@ -223,28 +226,42 @@ impl Grid {
         }
         // When the ball reaches into a slab of places, as a share of the way.
         let way = to - from;
+        let per_way = 1.0 / way;
         let inside = |axis: usize, number: i32| {
-            if low[axis] == high[axis] || way[axis] == 0.0 {
+            if low[axis] == high[axis] || !per_way[axis].is_finite() {
                 return (0.0, 1.0);
             }
             let lower = f64::from(number) * self.width[axis] - self.half_size[axis];
-            let enter = (lower - reach - from[axis]) / way[axis];
-            let leave = (lower + self.width[axis] + reach - from[axis]) / way[axis];
+            let enter = (lower - reach - from[axis]) * per_way[axis];
+            let leave = (lower + self.width[axis] + reach - from[axis]) * per_way[axis];
             let (enter, leave) = (enter.min(leave), enter.max(leave));
             // The outermost places reach to infinity.
-            let open = |end: bool| (way[axis] > 0.0) == end;
+            let (first, last) = if way[axis] > 0.0 {
+                (low[axis], high[axis])
+            } else {
+                (high[axis], low[axis])
+            };
             (
-                if number == low[axis] && open(true) || number == high[axis] && open(false) {
-                    0.0
-                } else {
-                    enter
-                },
-                if number == high[axis] && open(true) || number == low[axis] && open(false) {
-                    1.0
-                } else {
-                    leave
-                },
+                if number == first { 0.0 } else { enter },
+                if number == last { 1.0 } else { leave },
             )
+        };
+        // Those of an axis are needed again and again: where they are few, they are kept.
+        let few = (0..3).all(|axis| high[axis] - low[axis] < FEW_PLACES);
+        let mut kept = [[(0.0, 1.0); FEW_PLACES as usize]; 3];
+        if few {
+            for (axis, kept) in kept.iter_mut().enumerate() {
+                for (kept, number) in kept.iter_mut().zip(low[axis]..=high[axis]) {
+                    *kept = inside(axis, number);
+                }
+            }
+        }
+        let inside = |axis: usize, number: i32| {
+            if few {
+                kept[axis][((number - low[axis]) % FEW_PLACES) as usize]
+            } else {
+                inside(axis, number)
+            }
         };
         let both = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.min(b.1));
         for x in low[0]..=high[0] {

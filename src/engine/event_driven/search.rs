@@ -12,8 +12,9 @@ use crate::collision::{contact_time, image_pair_time, may_meet, separation_at_la
 use crate::engine::image::{image_of, number_of, steps_of};
 use crate::state::{Bodies, State, Time, Trajectory};
 
-/// Share by which rounding may change the square of a distance, with a wide margin.
-const ROUNDING: f64 = 1e-9;
+/// Share of the square of a distance by which two points are surely apart: far more than rounding could change, of distances and of
+/// instants.
+const SURELY: f64 = 1e-6;
 
 /// The earliest pair collision that a ball knows of.
 #[derive(Clone, Copy, Debug)]
@@ -59,7 +60,7 @@ impl Candidate {
             return false;
         }
         let apart = separation + velocity * self.time.since(begin);
-        let margin = ROUNDING * (contact * contact + separation.length_squared());
+        let margin = SURELY * (contact * contact + separation.length_squared());
         apart.dot(velocity) < 0.0 && apart.length_squared() > contact * contact + margin
     }
 
@@ -192,10 +193,10 @@ pub fn look_at<T: Sight>(
         for &seen in &possible[..count] {
             let (other, contact) = (sight.flight(seen), sight.contact(seen));
             let (begin, mut separation) = separation_at_later_begin(flight, other);
-            let mut image = [0; 3];
+            let (mut partner, mut image) = (seen, [0; 3]);
             if T::AT_IMAGES {
                 separation += sight.shift(seen);
-                image = steps_of(image_of(seen));
+                (partner, image) = (number_of(seen), steps_of(image_of(seen)));
             }
             let velocity = flight.velocity - other.velocity;
             if best.comes_before(begin, separation, velocity, contact) {
@@ -203,7 +204,7 @@ pub fn look_at<T: Sight>(
             }
             let meeting = contact_time(separation, velocity, contact);
             if let Some(time) = meeting.and_then(|duration| begin.after(duration)) {
-                best.improve(ball, number_of(seen), time, image);
+                best.improve(ball, partner, time, image);
             }
         }
     }

@@ -407,17 +407,17 @@ impl<B: KnownBoundary> CellList<B> {
     /// Doubles the room of every cell.
     #[cold]
     fn widen(&mut self) {
-        let mut records = vec![0; 2 * self.records.len()];
-        for (from, to) in self
-            .records
-            .chunks_exact(self.words)
-            .zip(records.chunks_exact_mut(2 * self.words))
-        {
-            to[..self.words].copy_from_slice(from);
-        }
-        self.records = records;
+        self.records = widened(&self.records, self.words, 2 * self.words);
         self.words *= 2;
     }
+}
+
+/// Lists that stand side by side with so much room for each, moved to where each has more.
+pub fn widened<T: Copy + Default>(lists: &[T], room: usize, more: usize) -> Vec<T> {
+    let mut wide = vec![T::default(); lists.len() / room * more];
+    let moves = lists.chunks_exact(room).zip(wide.chunks_exact_mut(more));
+    moves.for_each(|(from, to)| to[..room].copy_from_slice(from));
+    wide
 }
 
 /// Whole boxes of `count` cells in a number of cells, rounded down; seldom more than one, so seldom a division.

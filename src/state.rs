@@ -158,8 +158,7 @@ pub struct Totals {
     periodic: bool,
     /// How many they are.
     pub moving: u64,
-    /// Their mass.
-    pub mass: f64,
+    mass: f64,
     /// Their kinetic energy.
     pub kinetic_energy: f64,
     /// Their momentum.

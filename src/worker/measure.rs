@@ -120,13 +120,11 @@ pub struct Pressures {
 impl Pressures {
     /// The pressures that the state's domain has.
     pub fn of(state: &State) -> Self {
-        let count = (0..state.ball_count())
-            .filter(|&ball| state.bodies.of(ball).mass.is_finite())
-            .count() as f64;
-        let kinetic = state
-            .totals()
+        let totals = state.totals();
+        let moving = totals.moving as f64;
+        let kinetic = totals
             .thermal_energy()
-            .map_or(0.0, |energy| count * energy);
+            .map_or(0.0, |energy| moving * energy);
         let edges = match state.domain.boundary {
             Boundary::Container => {
                 Some(2.0 * (state.domain.half_size - state.bodies.mean_radius()))

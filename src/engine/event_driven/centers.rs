@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use crate::cell_list::widened;
 use crate::domain::{Boundary, Domain};
 use crate::engine::image::image_at;
 
@@ -83,7 +84,6 @@ impl Centers {
         for x in self.around(0, x) {
             for y in self.around(1, y) {
                 for z in self.around(2, z) {
-                    let [x, y, z] = [x, y, z];
                     let image = image_at([x.1, y.1, z.1]);
                     let cell = self.number([x.0, y.0, z.0]);
                     let listed = &self.cells[cell * self.room..][..self.lengths[cell] as usize];
@@ -129,15 +129,8 @@ impl Centers {
     /// Doubles the room of every cell.
     #[cold]
     fn widen(&mut self) {
-        let mut cells = vec![Center::default(); 2 * self.cells.len()];
-        for (from, to) in self
-            .cells
-            .chunks_exact(self.room)
-            .zip(cells.chunks_exact_mut(2 * self.room))
-        {
-            to[..self.room].copy_from_slice(from);
-        }
-        (self.cells, self.room) = (cells, 2 * self.room);
+        self.cells = widened(&self.cells, self.room, 2 * self.room);
+        self.room *= 2;
     }
 }
 

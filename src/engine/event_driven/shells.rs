@@ -15,6 +15,7 @@ use super::needs::Needs;
 use super::search::{Candidate, look_at};
 use super::sieve::Sight;
 use super::surroundings::Surroundings;
+use crate::cell_list::widened;
 use crate::engine::image::{IMAGE_SHIFT, IMAGES, Seen, image_at, image_of, number_of, steps_of};
 use crate::event::Wall;
 use crate::state::{State, Trajectory};
@@ -145,15 +146,8 @@ impl Shells {
     #[cold]
     fn widen(&mut self) {
         let words = self.words + WORDS_PER_LINE;
-        let mut records = vec![0; self.records.len() / self.words * words];
-        for (from, to) in self
-            .records
-            .chunks_exact(self.words)
-            .zip(records.chunks_exact_mut(words))
-        {
-            to[..self.words].copy_from_slice(from);
-        }
-        (self.records, self.words) = (records, words);
+        self.records = widened(&self.records, self.words, words);
+        self.words = words;
     }
 
     /// A ball gets a shell around another place.

@@ -221,16 +221,20 @@ fn turned(
     let [v, w] = turn(vw(a), vw(b), vw(c), vw(d));
     let [epoch, local] = turn(begin(a), begin(b), begin(c), begin(d));
     let epochs = avx2._mm256_sub_epi64(cast([time.epoch; 4]), cast(epoch));
-    // The two halves of a whole number, each in the digits of a number so large that it has no digits after the point.
-    let low = avx2._mm256_blend_epi32::<0b1010_1010>(epochs, cast([0x4330_0000_0000_0000_u64; 4]));
-    let high = avx2._mm256_xor_si256(
-        avx2._mm256_srli_epi64::<32>(epochs),
-        cast([0x4530_0000_8000_0000_u64; 4]),
-    );
-    let both = [f64::from_bits(0x4530_0000_8010_0000); 4];
-    let epochs = avx._mm256_add_pd(avx._mm256_sub_pd(cast(high), cast(both)), cast(low));
+    // To f64: the lower half of a whole number in the last digits of 2^52, the upper one, which has the sign, in those of 2^84.
+    let [low, high] = [exponent_of(52), exponent_of(84) | 1 << 31].map(|bits| [bits; 4]);
+    let offset = [exponent_of(84) | 1 << 31 | 1 << 20; 4];
+    let low = avx2._mm256_blend_epi32::<0b1010_1010>(epochs, cast(low));
+    let high = avx2._mm256_xor_si256(avx2._mm256_srli_epi64::<32>(epochs), cast(high));
+    let epochs = avx._mm256_add_pd(avx._mm256_sub_pd(cast(high), cast(offset)), cast(low));
     let rest = avx._mm256_sub_pd(cast([time.local; 4]), local);
     ([x, y, z], [u, v, w], avx._mm256_add_pd(epochs, rest))
+}
+
+/// The bits of a power of two.
+#[cfg(target_arch = "x86_64")]
+const fn exponent_of(power: u64) -> u64 {
+    (1023 + power) << 52
 }
 
 #[inline(always)]

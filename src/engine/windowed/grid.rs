@@ -12,6 +12,7 @@ use std::ops::{AddAssign, Range};
 use glam::DVec3;
 use prefetch_index::prefetch_index;
 
+use crate::cell_list::widened;
 use crate::domain::{Boundary, Domain};
 use crate::engine::image::{IMAGE_SHIFT, Seen, image_at, steps_of};
 
@@ -400,15 +401,7 @@ impl Lists {
     #[cold]
     pub fn widen(&mut self) {
         let capacity = (self.capacity + self.capacity / 4).next_multiple_of(16);
-        let mut entries = vec![0; self.lengths.len() * capacity];
-        for (from, to) in self
-            .entries
-            .chunks_exact(self.capacity)
-            .zip(entries.chunks_exact_mut(capacity))
-        {
-            to[..self.capacity].copy_from_slice(from);
-        }
-        self.entries = entries;
+        self.entries = widened(&self.entries, self.capacity, capacity);
         self.capacity = capacity;
     }
 }

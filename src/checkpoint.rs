@@ -21,7 +21,7 @@ use crate::output::Target;
 pub const MAGIC: [u8; 8] = *b"moltop\r\n";
 
 /// Version of the format: grows with every change of what a checkpoint holds.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// Magic, version, length of the body, hash of the scene, checksum.
 const HEADER_LENGTH: usize = 8 + 4 + 8 + 8 + 4;

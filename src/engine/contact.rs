@@ -1,6 +1,8 @@
 //! What contacts do to flights, and how they are reported: the same arithmetic for every exact engine, so that all of them
 //! agree bit for bit.
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -142,31 +144,23 @@ fn bounce(
 }
 
 /// Watches for collisions that repeat at one instant.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct InstantWatch {
     last_collision: Option<Time>,
-    /// How often each ball has collided at the instant of its last collision before this one.
-    repeats: Vec<u16>,
+    /// How often balls have collided again at that instant.
+    repeats: BTreeMap<u32, u32>,
 }
 
 impl InstantWatch {
-    /// Nothing has happened yet to `ball_count` balls.
-    pub fn new(ball_count: usize) -> Self {
-        Self {
-            last_collision: None,
-            repeats: vec![0; ball_count],
-        }
-    }
-
-    /// Whether it watches so many balls.
+    /// Whether it knows of no balls but so many.
     pub fn fits(&self, ball_count: usize) -> bool {
-        self.repeats.len() == ball_count
+        let last = self.repeats.last_key_value();
+        last.is_none_or(|(&ball, _)| (ball as usize) < ball_count)
     }
 
     /// Forgets everything, as after a reversal.
     pub fn clear(&mut self) {
-        self.last_collision = None;
-        self.repeats.fill(0);
+        *self = Self::default();
     }
 
     /// Counts a collision of balls whose flights began at `begins` (`None` for one that has never collided).
@@ -177,21 +171,37 @@ impl InstantWatch {
     pub fn note(
         &mut self,
         collision: &Collision,
-        balls: &[(usize, Option<Time>)],
+        balls: &[(u32, Option<Time>)],
         counters: &mut Counters,
     ) -> Result<(), Stuck> {
-        counters.ties += u64::from(self.last_collision == Some(collision.time));
+        if self.last_collision == Some(collision.time) {
+            counters.ties += 1;
+            return self.note_tie(collision, balls, counters);
+        }
         self.last_collision = Some(collision.time);
+        self.repeats.clear();
+        Ok(())
+    }
+
+    #[cold]
+    fn note_tie(
+        &mut self,
+        collision: &Collision,
+        balls: &[(u32, Option<Time>)],
+        counters: &mut Counters,
+    ) -> Result<(), Stuck> {
         for &(ball, begin) in balls {
-            let again = begin == Some(collision.time);
-            self.repeats[ball] = if again { self.repeats[ball] + 1 } else { 0 };
-            counters.zero_time_events += u64::from(again);
-            let repeats = u32::from(self.repeats[ball]);
-            if repeats >= MOST_REPEATS {
+            if begin != Some(collision.time) {
+                continue;
+            }
+            counters.zero_time_events += 1;
+            let repeats = self.repeats.entry(ball).or_default();
+            *repeats += 1;
+            if *repeats >= MOST_REPEATS {
                 return Err(Stuck {
                     time: collision.time,
                     participants: collision.participants,
-                    repeats,
+                    repeats: *repeats,
                 });
             }
         }

@@ -173,7 +173,7 @@ impl<C: Calendar, N: Needs, S: Surroundings<N>> EventDriven<C, N, S> {
             candidates: Vec::new(),
             reads_ahead: count > BEYOND_CACHES,
             ahead: Ahead::new(),
-            instants: InstantWatch::new(count),
+            instants: InstantWatch::default(),
             counters: Counters::default(),
             interacting: state.bodies.largest_radius() > 0.0 && count > 1,
             state,
@@ -428,7 +428,7 @@ impl<C: Calendar, N: Needs, S: Surroundings<N>> EventDriven<C, N, S> {
     ) -> Result<(), Stuck> {
         self.instants.note(
             &collision,
-            &[(ball, self.last_contact(ball))],
+            &[(ball as u32, self.last_contact(ball))],
             &mut self.counters,
         )?;
         self.state.trajectories[ball] = after;
@@ -467,7 +467,7 @@ impl<C: Calendar, N: Needs, S: Surroundings<N>> EventDriven<C, N, S> {
         self.counters.pair_collisions += 1;
         let (after, collision) =
             contact::pair(pair.map(|ball| ball as u32), before, bodies, shift, now);
-        let balls = pair.map(|ball| (ball, self.last_contact(ball)));
+        let balls = pair.map(|ball| (ball as u32, self.last_contact(ball)));
         self.instants.note(&collision, &balls, &mut self.counters)?;
         for (ball, after) in pair.into_iter().zip(after) {
             self.state.trajectories[ball] = after;

@@ -134,7 +134,7 @@ impl Reversible {
             calendar: Indexed::new(count),
             base: 0,
             candidates: Vec::new(),
-            instants: InstantWatch::new(count),
+            instants: InstantWatch::default(),
             memory: Memory::default(),
             counters: Counters::default(),
             interacting,
@@ -351,7 +351,7 @@ impl Reversible {
         let begins = balls.map(|ball| {
             let flight = &self.gas.flights[ball];
             let begin = (flight.origin != Origin::Start).then(|| time_of(flight.since));
-            (ball, begin)
+            (ball as u32, begin)
         });
         let counters = &mut self.counters;
         let (collision, changed) = match deed {

@@ -5,7 +5,10 @@ use std::{any::Any, arch::x86_64::__m256};
 
 use pulp::Simd;
 #[cfg(target_arch = "x86_64")]
-use pulp::{cast, x86::V3};
+use pulp::{
+    cast,
+    x86::{V3, V4},
+};
 
 /// Rows that are turned at once, and numbers in each.
 pub const SIDE: usize = 8;
@@ -17,17 +20,24 @@ pub type Square = [[f32; SIDE]; SIDE];
 #[inline(always)]
 pub fn turn<S: Simd>(simd: S, rows: Square) -> Square {
     #[cfg(target_arch = "x86_64")]
-    if let Some(simd) = as_v3(simd) {
+    if let Some(simd) = as_v3(simd).or(as_v4(simd).map(|simd| *simd)) {
         return turn_wide(simd, rows);
     }
     std::array::from_fn(|column| rows.map(|row| row[column]))
 }
 
-/// The machine, if its vectors are of eight; known when this is compiled.
+/// The machine, if its vectors are of eight numbers in f32; known when this is compiled.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 pub fn as_v3<S: Simd>(simd: S) -> Option<V3> {
     (&simd as &dyn Any).downcast_ref::<V3>().copied()
+}
+
+/// The machine, if they are of sixteen.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub fn as_v4<S: Simd>(simd: S) -> Option<V4> {
+    (&simd as &dyn Any).downcast_ref::<V4>().copied()
 }
 
 /// By pairs of rows, then by fours, then all eight.

@@ -234,14 +234,14 @@ impl Windowed {
             done: 0,
             follow_ups: BinaryHeap::new(),
             put_off: Vec::new(),
-            instants: InstantWatch::new(count),
+            instants: InstantWatch::default(),
             counters: Counters::default(),
             state,
         };
         let gas = engine.gas(engine.next_window());
         let flights = engine.state.trajectories.iter().zip(0..);
         engine.lines = flights
-            .map(|(flight, ball)| gas.line(flight, ball, NONE))
+            .map(|(flight, ball)| gas.line(flight, ball))
             .collect();
         engine.sort();
         engine
@@ -338,7 +338,7 @@ impl Windowed {
                 if let Some(&ahead) = balls.get(index + FLIGHTS_AHEAD) {
                     prefetch_index(&gas.state.trajectories, ahead as usize);
                 }
-                *line = gas.line(&gas.state.trajectories[ball as usize], ball, NONE);
+                *line = gas.line(&gas.state.trajectories[ball as usize], ball);
                 *fastest = line.speed().max(*fastest);
             }
         });
@@ -401,6 +401,7 @@ impl Windowed {
             off_middle: 0.5 * (most - least) * self.grid.scale,
             position: self.line_error(),
             edges: self.grid.edges,
+            around: self.grid.way_around(),
             fastest: self.fastest,
         };
         let advance = f32::from(std::mem::replace(&mut self.behind, true));

@@ -18,8 +18,8 @@ use crate::engine::contact;
 use crate::event::{Collision, Participants, Wall};
 use crate::state::{Time, Trajectory};
 
-/// Meetings whose balls are asked for ahead of their turn.
-const READ_AHEAD: usize = 16;
+/// How many meetings ahead of their turn balls are asked for.
+const READ_AHEAD: usize = 24;
 
 impl Windowed {
     /// Carries out the meetings that come no later than `limit`; gives whether it stopped earlier, because the window is full.
@@ -57,28 +57,26 @@ impl Windowed {
         if from_follow_ups {
             self.follow_ups.pop();
         } else {
-            if self.done.is_multiple_of(READ_AHEAD) {
-                self.read_ahead();
-            }
+            self.read_ahead();
             self.done += 1;
         }
         Some(next)
     }
 
-    /// Asks for the memory of the balls that come soon.
+    /// Asks for the memory of balls whose turn comes soon.
+    #[inline]
     fn read_ahead(&self) {
-        let first = (self.done + READ_AHEAD).min(self.meetings.len());
-        let end = (first + READ_AHEAD).min(self.meetings.len());
-        for meeting in &self.meetings[first..end] {
-            let alone = meeting.bound().is_some();
-            let (ball, other) = meeting.rank;
-            for ball in [ball, if alone { ball } else { other }] {
-                prefetch_index(&self.state.trajectories, ball as usize);
-                prefetch_index(&self.state.collisions, ball as usize);
-            }
-            for owner in meeting.owners {
-                prefetch_index(&self.lines, owner as usize);
-            }
+        let Some(meeting) = self.meetings.get(self.done + READ_AHEAD) else {
+            return;
+        };
+        let (ball, other) = meeting.rank;
+        // The number of a bound names a ball, too, if not one that is needed.
+        for ball in [ball, other] {
+            prefetch_index(&self.state.trajectories, ball as usize);
+            prefetch_index(&self.state.collisions, ball as usize);
+        }
+        for owner in meeting.owners {
+            prefetch_index(&self.lines, owner as usize);
         }
     }
 
@@ -154,7 +152,7 @@ impl Windowed {
                 Bound::Wall(_) => self.counters.wall_collisions += 1,
                 Bound::Plane(_) => self.counters.plane_collisions += 1,
             }
-            let watched = [(ball as usize, self.last_contact(ball))];
+            let watched = [(ball, self.last_contact(ball))];
             self.instants
                 .note(&collision, &watched, &mut self.counters)?;
             self.turn(ball, owner, meeting.next[0], after);
@@ -187,7 +185,7 @@ impl Windowed {
         let shift = shift_by(&self.gas(window), meeting.image);
         let (after, collision) = contact::pair(balls, before, bodies, shift, now);
         self.counters.pair_collisions += 1;
-        let watched = balls.map(|ball| (ball as usize, self.last_contact(ball)));
+        let watched = balls.map(|ball| (ball, self.last_contact(ball)));
         self.instants
             .note(&collision, &watched, &mut self.counters)?;
         // A late collision does not happen where it was foreseen.
@@ -195,9 +193,16 @@ impl Windowed {
         let next = if foreseen {
             meeting.next
         } else {
-            let pursue =
-                |one: usize| self.pursue(after[one], (balls[one], owners[one]), pieces, window);
-            [0, 1].map(pursue)
+            let mut next = [NONE; 2];
+            for one in [0, 1] {
+                let origin = Origin {
+                    owner: owners[one],
+                    parents: pieces,
+                    generation: 0,
+                };
+                next[one] = self.pursue(after[one], balls[one], origin, next[0], window);
+            }
+            next
         };
         for one in [0, 1] {
             self.turn(balls[one], owners[one], next[one], after[one]);
@@ -207,29 +212,22 @@ impl Windowed {
         Ok(())
     }
 
-    /// Lists a piece that begins now and those that follow, and tests them against all that is listed where they pass. Gives
-    /// the piece.
+    /// Lists a ball's piece that begins now and those that follow, and tests them against all that is listed where they pass. Gives
+    /// the piece. `sibling` is the one that begins at the same meeting, if it has been listed.
     fn pursue(
         &mut self,
         after: Trajectory,
-        ball_and_owner: (u32, Id),
-        parents: [Id; 2],
+        ball: u32,
+        origin: Origin,
+        sibling: Id,
         window: Window,
     ) -> Id {
         let mut regions = std::mem::take(&mut self.regions);
         let mut pieces = std::mem::take(&mut self.pieces[LATER][0]);
         let region = &mut regions[0];
         let gas = self.gas(window);
-        let id = region.begin(
-            gas,
-            after,
-            ball_and_owner,
-            Origin {
-                parents,
-                generation: 0,
-            },
-            (LATER, &mut pieces),
-        );
+        let own = (LATER, &mut pieces);
+        let id = region.begin(gas, after, ball, origin, sibling, own);
         self.pieces[LATER][0] = pieces;
         let passages = std::mem::take(&mut region.outbox);
         let [firsts, fresh, later] = &self.pieces;

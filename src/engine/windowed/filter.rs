@@ -10,6 +10,7 @@ use std::f64::consts::PI;
 
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
+use super::pieces::NONE;
 use super::sheet::{Block, LANES, NOBODY, Row, Rows, Sheet};
 use crate::engine::turn::SIDE;
 #[cfg(target_arch = "x86_64")]
@@ -48,6 +49,8 @@ struct Limits {
     reach_squared: f32,
     /// Whether so few pairs are within reach that the first test asks for that alone.
     by_distance: bool,
+    /// Whether two pieces that begin at one meeting cannot meet again.
+    part_for_good: bool,
 }
 
 /// What the filter's margins are made from, in grid lengths.
@@ -61,6 +64,8 @@ pub struct Margins {
     pub position: f64,
     /// Widths of a cell.
     pub edges: [f32; 3],
+    /// Shortest way through a periodic box back to the same place.
+    pub around: f64,
     /// Largest speed of any piece.
     pub fastest: f32,
 }
@@ -107,6 +112,7 @@ impl Filter {
             contact_squared: (contact * contact + ROUNDING * farthest) as f32,
             reach_squared: ((1.0 + ROUNDING) * reach * reach) as f32,
             by_distance: within_reach < FEW_WITHIN_REACH * room,
+            part_for_good: reach + contact < margins.around,
         };
     }
 
@@ -237,7 +243,7 @@ impl<P: Rows> WithSimd for Find<'_, P> {
             }
         }
         let rows = self.sheet.rows();
-        let (mut ones, mut others) = (Block::default(), Block::default());
+        let (mut ones, mut others) = (Block::<SIDE>::default(), Block::<SIDE>::default());
         for pairs in self.touching.chunks(LANES) {
             for part in 0..pairs.len().div_ceil(SIDE) {
                 let [mut some, mut partners] = [[NOBODY; SIDE]; 2];
@@ -316,12 +322,13 @@ fn pairs_that_pass<S: Simd>(
     found
 }
 
-/// Which pairs of pieces, whose lines touch, cannot do so within the window and within the cell. In doubt they can.
+/// Which pairs of pieces, whose lines touch, cannot do so within the window and within the cell, or belong to one ball or part from
+/// one another. In doubt they can.
 #[inline(always)]
 fn cannot_meet_here<S: Simd>(
     simd: S,
-    ones: &Block,
-    others: &Block,
+    ones: &Block<SIDE>,
+    others: &Block<SIDE>,
     vector: usize,
     (middle, limits): ([f32; 3], Limits),
 ) -> S::m32s {
@@ -354,6 +361,16 @@ fn cannot_meet_here<S: Simd>(
     let outside = simd.greater_than_f32s(beyond, zero);
     let recede = simd.less_than_f32s(closest, simd.neg_f32s(time_margin));
     miss = simd.or_m32s(miss, simd.and_m32s(outside, recede));
+    let [[ball, link], [other_ball, other_link]] =
+        [ones, others].map(|block| block.numbers(simd, vector));
+    miss = simd.or_m32s(miss, simd.equal_u32s(ball, other_ball));
+    if limits.part_for_good {
+        let part = simd.and_m32s(
+            simd.equal_u32s(link, other_link),
+            simd.less_than_u32s(link, simd.splat_u32s(NONE)),
+        );
+        miss = simd.or_m32s(miss, part);
+    }
     // The contact lies between the two times.
     for axis in 0..3 {
         let here = simd.splat_f32s(middle[axis]);
@@ -480,7 +497,7 @@ mod tests {
 
         fn row(&self, entry: Entry) -> Row {
             let place = f64::from(entry) - 0.5 * (self.0.len() as f64 - 1.0);
-            Row::new(DVec3::X * place, DVec3::X * -place, entry, NONE)
+            Row::new(DVec3::X * place, DVec3::X * -place, entry)
         }
     }
 
@@ -498,6 +515,7 @@ mod tests {
                 contact_squared: 0.01,
                 reach_squared: 1e4,
                 by_distance,
+                part_for_good: true,
             },
             hits: &mut Vec::new(),
             touching: &mut Vec::new(),

@@ -71,10 +71,10 @@ impl Gas<'_> {
 
     /// A flight as the filter sees it.
     #[inline]
-    pub fn line(&self, trajectory: &Trajectory, ball: u32, link: Id) -> Line {
+    pub fn line(&self, trajectory: &Trajectory, ball: u32) -> Line {
         let start = trajectory.position_at(self.window.begin);
         let velocity = trajectory.velocity * self.speed_scale;
-        Line::new(self.grid.to_grid(start), velocity, ball, link)
+        Line::new(self.grid.to_grid(start), velocity, ball)
     }
 
     /// How far a ball's centre gets along an axis, without sign.

@@ -92,11 +92,11 @@ impl Numbering {
 pub struct Line(pub [f32; SIDE]);
 
 impl Line {
-    /// From a position at the beginning of the window and a velocity, both in the grid's lengths.
+    /// From a position at the beginning of the window and a velocity, both in the grid's lengths; without a link.
     #[inline]
-    pub fn new(position: DVec3, velocity: DVec3, ball: u32, link: Id) -> Self {
+    pub fn new(position: DVec3, velocity: DVec3, ball: u32) -> Self {
         let ([x, y, z], [u, v, w]) = (position.as_vec3().into(), velocity.as_vec3().into());
-        let [ball, link] = [ball, link].map(f32::from_bits);
+        let [ball, link] = [ball, NONE].map(f32::from_bits);
         Self([x, y, z, u, v, w, ball, link])
     }
 
@@ -120,8 +120,8 @@ impl Line {
         self.0[6].to_bits()
     }
 
-    /// For a flight, the piece along which the ball goes on, [`NONE`] as long as it is the flight itself; for the other pieces
-    /// the flight they follow.
+    /// For a flight, the piece along which the ball goes on, [`NONE`] as long as it is the flight itself; for a piece that begins
+    /// at a meeting, what the two that begin there share and no others.
     #[inline(always)]
     pub fn link(&self) -> Id {
         self.0[7].to_bits()
@@ -153,6 +153,8 @@ impl Line {
 /// Where a piece comes from.
 #[derive(Clone, Copy, Debug)]
 pub struct Origin {
+    /// The flight it follows.
+    pub owner: Id,
     /// The two pieces at whose meeting it began, which it cannot meet again.
     pub parents: [Id; 2],
     /// How many collisions were foreseen on the way to it.
@@ -160,11 +162,15 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// That of a flight and of what follows its hits of walls and the like.
-    pub const FLIGHT: Self = Self {
-        parents: [NONE; 2],
-        generation: 0,
-    };
+    /// That of what follows a flight's hits of walls and the like.
+    #[inline]
+    pub fn of_flight(owner: Id) -> Self {
+        Self {
+            owner,
+            parents: [NONE; 2],
+            generation: 0,
+        }
+    }
 }
 
 /// The pieces of a region, as columns.

@@ -50,6 +50,7 @@ pub type Passage = (Entry, u32);
 struct Candidate {
     entries: [Entry; 2],
     balls: [u32; 2],
+    owners: [Id; 2],
     cell: u32,
     generation: u32,
 }
@@ -78,7 +79,7 @@ impl Candidate {
             time: time.relative_to(gas.window.begin.epoch),
             piece: number_of(self.entries[0]),
             other: number_of(self.entries[1]),
-            owners: self.entries.map(|entry| view.owner(number_of(entry))),
+            owners: self.owners,
             next: [NONE; 2],
             rank: (self.balls[0], self.balls[1]),
             image,
@@ -216,11 +217,8 @@ impl Region {
                     trajectory,
                     (ball(flight), flight),
                     |number, after| {
-                        let place = firsts.push(
-                            *after,
-                            gas.line(after, ball(flight), flight),
-                            Origin::FLIGHT,
-                        );
+                        let line = gas.line(after, ball(flight));
+                        let place = firsts.push(*after, line, Origin::of_flight(flight));
                         gas.numbering.id(FIRST, number, place)
                     },
                 );
@@ -334,26 +332,29 @@ impl Region {
         meeting::sort(&mut self.meetings, span, &mut self.spare);
     }
 
-    /// Lists a piece that begins now and those that follow it, all added to `own` by another region too; gives the piece.
+    /// Lists a ball's piece that begins at a meeting and those that follow it, all added to `own`; gives the piece. `sibling` is the
+    /// one that begins there too, if it has been listed.
     pub fn begin(
         &mut self,
         gas: Gas,
         trajectory: Trajectory,
-        (ball, owner): (u32, u32),
+        ball: u32,
         origin: Origin,
+        sibling: Id,
         (kind, own): Own,
     ) -> Id {
-        let line = gas.line(&trajectory, ball, owner);
+        let mut line = gas.line(&trajectory, ball);
         self.filter.allow(line.speed());
-        let id = gas
-            .numbering
-            .id(kind, self.number, own.push(trajectory, line, origin));
+        let id = gas.numbering.id(kind, self.number, own.lines.len());
+        line.set_link(if sibling == NONE { id } else { sibling });
+        own.push(trajectory, line, origin);
         let further = Origin {
             parents: [NONE; 2],
             ..origin
         };
+        let owner = origin.owner;
         self.trace(gas, id, trajectory, (ball, owner), |number, after| {
-            let line = gas.line(after, ball, owner);
+            let line = gas.line(after, ball);
             gas.numbering
                 .id(kind, number, own.push(*after, line, further))
         });
@@ -413,14 +414,11 @@ impl Region {
         for &(row, other) in pairs.iter() {
             let entries = [row, other].map(|row| entries[row as usize]);
             let ids = entries.map(number_of);
-            let balls = [row, other].map(|row| sheet.rows()[row as usize].ball());
             let origins = ids.map(|id| view.origin(id));
-            if balls[0] == balls[1]
-                || origins[0].parents.contains(&ids[1])
-                || origins[1].parents.contains(&ids[0])
-            {
+            if origins[0].parents.contains(&ids[1]) || origins[1].parents.contains(&ids[0]) {
                 continue;
             }
+            let balls = [row, other].map(|row| sheet.rows()[row as usize].ball());
             for ball in balls {
                 prefetch_index(&shelves.gas.state.trajectories, ball as usize);
             }
@@ -429,6 +427,7 @@ impl Region {
             candidates.push(Candidate {
                 entries: sorted(entries),
                 balls: sorted(balls),
+                owners: sorted(origins.map(|origin| origin.owner)),
                 cell: cell as u32,
                 generation: origins[0].generation.max(origins[1].generation),
             });
@@ -481,11 +480,13 @@ impl Region {
                     meeting.next[one] = self.begin(
                         gas,
                         after[one],
-                        (candidate.balls[one], meeting.owners[one]),
+                        candidate.balls[one],
                         Origin {
+                            owner: meeting.owners[one],
                             parents: ids,
                             generation: candidate.generation + 1,
                         },
+                        meeting.next[0],
                         (*kind, pieces),
                     );
                 }

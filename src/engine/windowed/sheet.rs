@@ -1,6 +1,6 @@
 //! The pieces that pass a cell, as the filter reads them: by rows, and as columns that it takes many at a time.
 
-use pulp::Simd;
+use pulp::{Simd, bytemuck};
 
 use super::grid::Entry;
 use super::pieces::Line;
@@ -30,12 +30,18 @@ pub trait Rows {
 /// What stands for no piece.
 pub const NOBODY: Row = Line([FAR, FAR, FAR, 0.0, 0.0, 0.0, 0.0, 0.0]);
 
-/// The columns of some rows: `x, y, z` and the velocity's `x, y, z`.
-#[derive(Clone, Copy, Debug, Default)]
+/// The first so many columns of some rows: `x, y, z` and the velocity's `x, y, z`; the ball and the link, by their bits.
+#[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub struct Block([[f32; LANES]; 6]);
+pub struct Block<const COLUMNS: usize>([[f32; LANES]; COLUMNS]);
 
-impl Block {
+impl<const COLUMNS: usize> Default for Block<COLUMNS> {
+    fn default() -> Self {
+        Self([[0.0; LANES]; COLUMNS])
+    }
+}
+
+impl<const COLUMNS: usize> Block<COLUMNS> {
     /// Fills one of its parts from rows.
     #[inline(always)]
     pub fn turn<S: Simd>(&mut self, simd: S, part: usize, rows: &[Row; SIDE]) {
@@ -49,21 +55,25 @@ impl Block {
     /// A vector of each column: the positions' and the velocities'.
     #[inline(always)]
     pub fn vectors<S: Simd>(&self, _simd: S, vector: usize) -> [[S::f32s; 3]; 2] {
-        let [x, y, z, u, v, w] = &self.0;
+        let column = |column: usize| S::as_simd_f32s(&self.0[column]).0[vector];
         [
-            [
-                S::as_simd_f32s(x).0[vector],
-                S::as_simd_f32s(y).0[vector],
-                S::as_simd_f32s(z).0[vector],
-            ],
-            [
-                S::as_simd_f32s(u).0[vector],
-                S::as_simd_f32s(v).0[vector],
-                S::as_simd_f32s(w).0[vector],
-            ],
+            [column(0), column(1), column(2)],
+            [column(3), column(4), column(5)],
         ]
     }
+
+    /// A vector of the balls and one of the links.
+    #[inline(always)]
+    pub fn numbers<S: Simd>(&self, _simd: S, vector: usize) -> [S::u32s; 2] {
+        [6, 7].map(|column: usize| {
+            let numbers: &[u32; LANES] = bytemuck::cast_ref(&self.0[column]);
+            S::as_simd_u32s(numbers).0[vector]
+        })
+    }
 }
+
+/// Columns that a sheet has.
+const POSITION_AND_VELOCITY: usize = 6;
 
 /// The pieces of a cell, in the order of its list.
 #[derive(Clone, Debug, Default)]
@@ -72,7 +82,7 @@ pub struct Sheet {
     rows: Vec<Row>,
     /// Rows in use.
     count: usize,
-    blocks: Vec<Block>,
+    blocks: Vec<Block<POSITION_AND_VELOCITY>>,
 }
 
 impl Sheet {
@@ -89,7 +99,7 @@ impl Sheet {
 
     /// The rows' columns, padded with rows that meet nothing.
     #[inline(always)]
-    pub fn blocks(&self) -> &[Block] {
+    pub fn blocks(&self) -> &[Block<POSITION_AND_VELOCITY>] {
         &self.blocks[..self.count.div_ceil(LANES)]
     }
 

@@ -2,7 +2,7 @@
 
 use super::grid::Entry;
 use super::paths::Gas;
-use super::pieces::{FIRST, Id, Line, Origin, Piece, Pieces};
+use super::pieces::{Id, Line, Origin, Piece, Pieces};
 use super::sheet::{Row, Rows};
 use crate::engine::image::{image_of, number_of};
 use crate::state::Trajectory;
@@ -53,20 +53,12 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Where a piece comes from.
+    /// Where a piece comes from; a flight, from itself.
     #[inline(always)]
     pub fn origin(&self, id: Id) -> Origin {
         match self.shelves.gas.numbering.piece(id) {
-            Piece::Flight(_) | Piece::Other(FIRST, ..) => Origin::FLIGHT,
+            Piece::Flight(_) => Origin::of_flight(id),
             Piece::Other(kind, region, place) => self.pieces(kind, region).origins[place],
-        }
-    }
-
-    /// The flight that a piece follows, or is.
-    pub fn owner(&self, id: Id) -> Id {
-        match self.shelves.gas.numbering.piece(id) {
-            Piece::Flight(_) => id,
-            Piece::Other(..) => self.line(id).link(),
         }
     }
 }

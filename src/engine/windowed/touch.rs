@@ -7,9 +7,9 @@ use pulp::bytemuck;
 use super::grid::Grid;
 use super::paths::Gas;
 use super::pieces::Line;
-#[cfg(target_arch = "x86_64")]
-use crate::engine::turn::as_v3;
 use crate::engine::turn::{SIDE, turn};
+#[cfg(target_arch = "x86_64")]
+use crate::engine::turn::{as_v3, as_v4};
 
 /// Flights in a block.
 pub const BLOCK: usize = 64;
@@ -293,6 +293,15 @@ fn floor<S: Simd>(simd: S, place: S::f32s) -> S::f32s {
     #[cfg(target_arch = "x86_64")]
     if let Some(v3) = as_v3(simd) {
         return bytemuck::cast(v3.avx._mm256_floor_ps(bytemuck::cast(place)));
+    }
+    #[cfg(target_arch = "x86_64")]
+    if let Some(v4) = as_v4(simd) {
+        // To no digits after the point, downwards.
+        const DOWN: i32 = 0b0000_1001;
+        return bytemuck::cast(
+            v4.avx512f
+                ._mm512_roundscale_ps::<DOWN>(bytemuck::cast(place)),
+        );
     }
     // In its neighbourhood numbers have no digits after the point.
     let whole = simd.splat_f32s(1.5 * WHOLE);

@@ -485,7 +485,6 @@ mod tests {
 
     use super::*;
     use crate::engine::windowed::grid::Entry;
-    use crate::engine::windowed::pieces::NONE;
 
     /// Pieces on a line that all fly towards its middle, so that the lines of any two touch and they meet there.
     struct Crowd(Vec<Entry>);

@@ -39,7 +39,7 @@ fn main() -> ExitCode {
             Some(Command::Run { .. } | Command::Experiment(_))
         );
     if has_gas {
-        ask_for_large_pages();
+        begin_anew_with_tunables();
     }
     let done = match cli.command {
         None if cli.run_process => run_process::run(&cli.watch, program_start),
@@ -106,27 +106,26 @@ fn main() -> ExitCode {
     }
 }
 
-/// Begins this process once more with large pages for large arrays, where the system gives them to who asks and glibc asks only if
-/// it is told so before it starts. A large gas is read all over, and with small pages its places are looked up again and again.
+/// Begins this process once more with what glibc is told only before a program starts: large pages for large arrays, where the system
+/// gives them to who asks, as a large gas is read all over and places in small pages are looked up again and again; and that every
+/// array of a mebibyte or more goes back to the system when it is no longer needed, instead of being kept for later ones.
 ///
-/// Whatever keeps it from that, the program goes on with small pages. Source: the manual of glibc, memory allocation tunables.
-fn ask_for_large_pages() {
-    const TUNABLES: &str = "GLIBC_TUNABLES";
+/// Whatever keeps it from that, the program goes on as it is. Source: the manual of glibc, memory allocation tunables.
+fn begin_anew_with_tunables() {
+    const NAME: &str = "GLIBC_TUNABLES";
+    const TUNABLES: &str = "glibc.malloc.hugetlb=1:glibc.malloc.mmap_threshold=1048576";
     // A program with rights of its own never sees that variable, and would begin anew for ever.
     const BEGUN: &str = "MOLTOP_BEGUN_ANEW";
-    const MODES: &str = "/sys/kernel/mm/transparent_hugepage/enabled";
-    let on_request = || fs::read_to_string(MODES).is_ok_and(|modes| modes.contains("[madvise]"));
-    let asked = [TUNABLES, BEGUN].map(env::var_os) != [None, None];
+    let asked = [NAME, BEGUN].map(env::var_os) != [None, None];
     if cfg!(target_env = "gnu")
         && !asked
-        && on_request()
         && let Ok(program) = env::current_exe()
     {
         let mut arguments = env::args_os();
         let _ = process::Command::new(program)
             .arg0(arguments.next().unwrap_or_default())
             .args(arguments)
-            .env(TUNABLES, "glibc.malloc.hugetlb=1")
+            .env(NAME, TUNABLES)
             .env(BEGUN, "1")
             .exec();
     }

@@ -12,10 +12,6 @@ use crate::collision::{contact_time, image_pair_time, may_meet, separation_at_la
 use crate::engine::image::{image_of, number_of, steps_of};
 use crate::state::{Bodies, State, Time, Trajectory};
 
-/// Share of the square of a distance by which two points are surely apart: far more than rounding could change, of distances and of
-/// instants.
-const SURELY: f64 = 1e-6;
-
 /// The earliest pair collision that a ball knows of.
 #[derive(Clone, Copy, Debug)]
 pub struct Candidate {
@@ -52,16 +48,10 @@ impl Candidate {
         }
     }
 
-    /// Whether this comes before two points can be `contact` apart that are at `separation` at the time `begin` and move apart with
-    /// `velocity`: when it comes, they are still on their way. In doubt it does not; to ask is quicker than to find out when they are.
+    /// When it comes, if it does.
     #[inline(always)]
-    fn comes_before(&self, begin: Time, separation: DVec3, velocity: DVec3, contact: f64) -> bool {
-        if self.partner == u32::MAX {
-            return false;
-        }
-        let apart = separation + velocity * self.time.since(begin);
-        let margin = SURELY * (contact * contact + separation.length_squared());
-        apart.dot(velocity) < 0.0 && apart.length_squared() > contact * contact + margin
+    fn known(&self) -> Option<Time> {
+        (self.partner != u32::MAX).then_some(self.time)
     }
 
     /// The way from the ball to the image that meets its partner \[length\].
@@ -189,7 +179,7 @@ pub fn look_at<T: Sight>(
     let flight = &state.trajectories[ball];
     let mut possible = [0; AT_ONCE];
     for others in others.chunks(AT_ONCE) {
-        let count = sift(flight, others, sight, &mut possible);
+        let count = sift(flight, others, sight, best.known(), &mut possible);
         for &seen in &possible[..count] {
             let (other, contact) = (sight.flight(seen), sight.contact(seen));
             let (begin, mut separation) = separation_at_later_begin(flight, other);
@@ -199,9 +189,6 @@ pub fn look_at<T: Sight>(
                 (partner, image) = (number_of(seen), steps_of(image_of(seen)));
             }
             let velocity = flight.velocity - other.velocity;
-            if best.comes_before(begin, separation, velocity, contact) {
-                continue;
-            }
             let meeting = contact_time(separation, velocity, contact);
             if let Some(time) = meeting.and_then(|duration| begin.after(duration)) {
                 best.improve(ball, partner, time, image);

@@ -1,5 +1,5 @@
-//! Which of many flights a ball may meet: what [`crate::collision::may_meet`] asks of two, asked of as many at a time as the
-//! machine's vectors hold.
+//! Which of many flights a ball may meet first: what [`crate::collision::may_meet`] asks of two, asked of as many at a time as the
+//! machine's vectors hold; and of those it may meet, which one surely meets later than another.
 //!
 //! The arithmetic is the same, step by step, and so are the answers, whatever the width of the vectors.
 
@@ -37,7 +37,10 @@ pub trait Sight {
     fn shift(&self, seen: u32) -> DVec3;
 }
 
-/// Writes down which of some others, [`AT_ONCE`] at the most, a flight may meet; gives how many.
+/// Share of a time, and of an epoch, by which rounding may change it, with a wide margin.
+const TIME_MARGIN: f64 = 1e-12;
+
+/// Writes down which of some others, [`AT_ONCE`] at the most, a flight may meet first, and no later than `before`; gives how many.
 ///
 /// A ball may be among the others: it never may meet itself, as it does not approach.
 #[inline]
@@ -45,12 +48,17 @@ pub fn sift(
     flight: &Trajectory,
     others: &[u32],
     sight: &impl Sight,
+    before: Option<Time>,
     possible: &mut [u32; AT_ONCE],
 ) -> usize {
     let sift = Sift {
         flight,
         others,
         sight,
+        bound: before.map_or(f64::INFINITY, |time| {
+            let flown = time.since(flight.begin);
+            flown + TIME_MARGIN * (flown + 1.0)
+        }),
         possible,
     };
     // The few others of a cell would not fill wider vectors.
@@ -65,6 +73,8 @@ struct Sift<'a, T> {
     flight: &'a Trajectory,
     others: &'a [u32],
     sight: &'a T,
+    /// In how many epochs since the flight's beginning it must meet one that is written down.
+    bound: f64,
     possible: &'a mut [u32; AT_ONCE],
 }
 
@@ -97,7 +107,11 @@ impl<T: Sight> WithSimd for Sift<'_, T> {
         if let Some(last) = rest.len().checked_sub(1) {
             note(rest, looking.may_meet(|lane| rest[lane.min(last)]));
         }
-        count
+        if count > 1 || self.bound < f64::INFINITY {
+            looking.keep_first(possible, count, self.bound)
+        } else {
+            count
+        }
     }
 }
 
@@ -110,10 +124,22 @@ struct Looking<'a, S: Simd, T> {
     sight: &'a T,
 }
 
+/// How a ball sees some others: a vector of each, as of the later of the begins of the two flights.
+struct View<S: Simd> {
+    /// When that is, in epochs since the looking ball's flight began.
+    flown: S::f64s,
+    /// `r . v`, negative if they approach.
+    radial: S::f64s,
+    speed_squared: S::f64s,
+    /// Square of the distance, less that at contact.
+    beyond: S::f64s,
+    /// By how much rounding may change that, with a wide margin.
+    margin: S::f64s,
+}
+
 impl<S: Simd, T: Sight> Looking<'_, S, T> {
-    /// For as many others as a vector holds, one if the ball may meet it, else zero.
     #[inline(always)]
-    fn may_meet(&self, seen: impl Fn(usize) -> u32) -> [u64; MOST_LANES] {
+    fn see(&self, seen: impl Fn(usize) -> u32) -> View<S> {
         let Self { simd, sight, .. } = *self;
         let (mut shift, mut contact) = (EMPTY, [0.0; MOST_LANES]);
         for (lane, contact) in contact.iter_mut().enumerate().take(S::F64_LANES) {
@@ -141,22 +167,104 @@ impl<S: Simd, T: Sight> Looking<'_, S, T> {
             ];
         }
         let relative = difference(simd, self.velocity, speed);
-        let radial = dot(simd, apart, relative);
         let distance_squared = dot(simd, apart, apart);
-        let speed_squared = dot(simd, relative, relative);
-        let beyond = simd.sub_f64s(distance_squared, simd.mul_f64s(contact, contact));
-        let margin = simd.mul_f64s(simd.splat_f64s(REJECTION_MARGIN), distance_squared);
+        View {
+            flown,
+            radial: dot(simd, apart, relative),
+            speed_squared: dot(simd, relative, relative),
+            beyond: simd.sub_f64s(distance_squared, simd.mul_f64s(contact, contact)),
+            margin: simd.mul_f64s(simd.splat_f64s(REJECTION_MARGIN), distance_squared),
+        }
+    }
+
+    /// For as many others as a vector holds, one if the ball may meet it, else zero.
+    #[inline(always)]
+    fn may_meet(&self, seen: impl Fn(usize) -> u32) -> [u64; MOST_LANES] {
+        let simd = self.simd;
+        let View {
+            radial,
+            speed_squared,
+            beyond,
+            margin,
+            ..
+        } = self.see(seen);
         let closeness = simd.add_f64s(
             simd.mul_f64s(radial, radial),
             simd.mul_f64s(margin, speed_squared),
         );
         let misses = simd.less_than_f64s(closeness, simd.mul_f64s(speed_squared, beyond));
-        let approach = simd.less_than_f64s(radial, zero);
+        let approach = simd.less_than_f64s(radial, simd.splat_f64s(0.0));
         let rejected = simd.or_m64s(misses, simd.not_m64s(approach));
         let mut may = [0; MOST_LANES];
         S::as_mut_simd_u64s(&mut may).0[0] =
             simd.select_u64s(rejected, simd.splat_u64s(0), simd.splat_u64s(1));
         may
+    }
+
+    /// Keeps those of some others, all of which the ball may meet, that it may meet before it surely has met another or the time
+    /// that bounds it; gives how many.
+    #[inline(always)]
+    fn keep_first(&self, possible: &mut [u32; AT_ONCE], count: usize, mut bound: f64) -> usize {
+        let mut earliest = [0.0; AT_ONCE];
+        let Some(last) = count.checked_sub(1) else {
+            return 0;
+        };
+        for first in (0..count).step_by(S::F64_LANES) {
+            let [from, to] = self.contact_between(|lane| possible[(first + lane).min(last)]);
+            earliest[first..][..S::F64_LANES].copy_from_slice(&from[..S::F64_LANES]);
+            bound = to[..S::F64_LANES].iter().fold(bound, |a, &b| a.min(b));
+        }
+        let mut kept = 0;
+        for place in 0..count {
+            possible[kept] = possible[place];
+            // A time that is no number says nothing.
+            kept += usize::from(!(earliest[place] > bound));
+        }
+        kept
+    }
+
+    /// For as many others as a vector holds, all of which the ball may meet, between which times it meets each, in epochs since its
+    /// flight began; the second one infinite if it may miss it.
+    ///
+    /// Derived here: two points that approach at `-r . v` are in contact after `(r^2 - c^2) / (-r . v + root)`, the root that of
+    /// `(r . v)^2 - v^2 (r^2 - c^2)`.
+    #[inline(always)]
+    fn contact_between(&self, seen: impl Fn(usize) -> u32) -> [[f64; MOST_LANES]; 2] {
+        let simd = self.simd;
+        let zero = simd.splat_f64s(0.0);
+        let View {
+            flown,
+            radial,
+            speed_squared,
+            beyond,
+            margin,
+        } = self.see(seen);
+        let below = simd.mul_f64s(margin, speed_squared);
+        let discriminant = simd.sub_f64s(
+            simd.mul_f64s(radial, radial),
+            simd.mul_f64s(speed_squared, beyond),
+        );
+        let most = simd.add_f64s(discriminant, below);
+        let least = simd.sub_f64s(discriminant, below);
+        let after = |beyond: S::f64s, square: S::f64s| {
+            let root = simd.sqrt_f64s(simd.max_f64s(square, zero));
+            let duration = simd.div_f64s(beyond, simd.sub_f64s(root, radial));
+            simd.add_f64s(flown, simd.max_f64s(duration, zero))
+        };
+        let [from, to] = [
+            after(simd.sub_f64s(beyond, margin), most),
+            after(simd.add_f64s(beyond, margin), least),
+        ];
+        let hits = simd.less_than_f64s(below, least);
+        let to = simd.select_f64s(hits, to, simd.splat_f64s(f64::INFINITY));
+        let rounding = |time: S::f64s| {
+            let times = simd.add_f64s(time, simd.splat_f64s(1.0));
+            simd.mul_f64s(simd.splat_f64s(TIME_MARGIN), times)
+        };
+        let mut between = [[0.0; MOST_LANES]; 2];
+        S::as_mut_simd_f64s(&mut between[0]).0[0] = simd.sub_f64s(from, rounding(from));
+        S::as_mut_simd_f64s(&mut between[1]).0[0] = simd.add_f64s(to, rounding(to));
+        between
     }
 }
 
@@ -293,7 +401,7 @@ mod tests {
     use rand_xoshiro::Xoshiro256PlusPlus;
 
     use super::*;
-    use crate::collision::{may_meet, separation_at_later_begin};
+    use crate::collision::{contact_time, may_meet, separation_at_later_begin};
 
     /// Flights seen each at an image of its own.
     struct Around(Vec<Trajectory>);
@@ -315,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn vectors_of_every_width_answer_as_one_does() {
+    fn vectors_of_every_width_keep_what_comes_first_and_little_else() {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(7);
         let mut vector = |size: f64| {
             DVec3::from_array(std::array::from_fn(|_| random.random_range(-size..size)))
@@ -335,43 +443,67 @@ mod tests {
         });
         let around = Around(flights.collect());
         let seen: Vec<u32> = (0..AT_ONCE as u32).collect();
-        let mut found = 0;
+        let (mut possible_at_all, mut kept_at_all) = (0, 0);
         for looking in &around.0 {
             for others in [&seen[..], &seen[..1], &seen[20..27], &[]] {
-                let may_meet = |seen: &&u32| {
-                    let other = around.flight(**seen);
-                    let (_, apart) = separation_at_later_begin(looking, other);
+                let sees = |seen: u32| {
+                    let other = around.flight(seen);
+                    let (begin, apart) = separation_at_later_begin(looking, other);
                     let velocity = looking.velocity - other.velocity;
-                    may_meet(
-                        apart + around.shift(**seen),
-                        velocity,
-                        around.contact(**seen),
-                    )
+                    (begin, apart + around.shift(seen), velocity)
                 };
-                let expected: Vec<u32> = others.iter().filter(may_meet).copied().collect();
-                let check = |sift: &dyn Fn(Sift<Around>) -> usize| {
-                    let mut possible = [0; AT_ONCE];
-                    let count = sift(Sift {
-                        flight: looking,
-                        others,
-                        sight: &around,
-                        possible: &mut possible,
-                    });
-                    assert_eq!(possible[..count], expected);
+                let may = |seen: &&u32| {
+                    let (_, apart, velocity) = sees(**seen);
+                    may_meet(apart, velocity, around.contact(**seen))
                 };
-                check(&|sift| sift.with_simd(Scalar));
-                check(&|sift| sift.with_simd(Scalar128b));
-                check(&|sift| sift.with_simd(Scalar256b));
-                check(&|sift| sift.with_simd(Scalar512b));
-                check(&|Sift {
-                            flight,
+                let may: Vec<u32> = others.iter().filter(may).copied().collect();
+                let meets = |&seen: &u32| {
+                    let (begin, apart, velocity) = sees(seen);
+                    begin.after(contact_time(apart, velocity, around.contact(seen))?)
+                };
+                let first = |&seen: &u32| Some((meets(&seen)?.since(looking.begin), seen));
+                let first = may
+                    .iter()
+                    .filter_map(first)
+                    .min_by(|a, b| a.0.total_cmp(&b.0));
+                let late = first.map(|(time, _)| 0.5 * time);
+                for bound in [f64::INFINITY].into_iter().chain(late) {
+                    let kept = |sift: &dyn Fn(Sift<Around>) -> usize| {
+                        let mut possible = [0; AT_ONCE];
+                        let count = sift(Sift {
+                            flight: looking,
                             others,
-                            sight,
-                            possible,
-                        }| super::sift(flight, others, sight, possible));
-                found += expected.len();
+                            sight: &around,
+                            bound,
+                            possible: &mut possible,
+                        });
+                        possible[..count].to_vec()
+                    };
+                    let one = kept(&|sift| sift.with_simd(Scalar));
+                    assert_eq!(one, kept(&|sift| sift.with_simd(Scalar128b)));
+                    assert_eq!(one, kept(&|sift| sift.with_simd(Scalar256b)));
+                    assert_eq!(one, kept(&|sift| sift.with_simd(Scalar512b)));
+                    assert_eq!(one, kept(&|sift| Arch::new().dispatch(sift)));
+                    #[cfg(target_arch = "x86_64")]
+                    if let Some(simd) = pulp::x86::V3::try_new() {
+                        assert_eq!(one, kept(&|sift| Simd::vectorize(simd, sift)));
+                    }
+                    assert!(one.iter().all(|seen| may.contains(seen)));
+                    if let Some((time, seen)) = first {
+                        let in_time = time <= bound;
+                        assert_eq!(one.contains(&seen), in_time || time < 1e-9);
+                        assert!(
+                            in_time || one.iter().all(|seen| meets(seen).is_none() || time < 1e-9)
+                        );
+                    }
+                    possible_at_all += may.len();
+                    kept_at_all += one.len();
+                }
             }
         }
-        assert!(found > 100, "some of them may meet");
+        assert!(
+            kept_at_all > 50 && 2 * kept_at_all < possible_at_all,
+            "{kept_at_all} of {possible_at_all}"
+        );
     }
 }

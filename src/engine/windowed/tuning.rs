@@ -18,7 +18,7 @@ const CROSSINGS_PER_WINDOW: f64 = 1.2;
 /// `3 sqrt(2 / pi)`, derived here.
 const CROSSINGS_PER_WIDTH: f64 = 2.394;
 
-/// Most pair collisions per ball in a window; measured to be best, and flat around.
+/// Most collisions of a ball with others in a window, on average; measured to be best, and flat around.
 const COLLISIONS_PER_WINDOW: f64 = 0.15;
 
 /// Longest window \[epochs\]: times in it stay exact relative to its first epoch.
@@ -95,12 +95,12 @@ pub fn window_length(state: &State, cell_width: f64, deviation: f64, rate: f64) 
     let count = state.ball_count() as f64;
     let volume = state.domain.volume();
     let diameter = 2.0 * state.bodies.mean_radius();
-    // Pair collisions per ball and time, from kinetic theory with the contact value of Carnahan and Starling.
+    // How often a ball meets another per time, from kinetic theory with the contact value of Carnahan and Starling.
     let packing =
         (std::f64::consts::PI / 6.0 * diameter * diameter * diameter * count / volume).min(0.7);
     let contact_value =
         (1.0 - 0.5 * packing) / ((1.0 - packing) * (1.0 - packing) * (1.0 - packing));
-    let section = 2.0 * std::f64::consts::PI.sqrt() * diameter * diameter * contact_value;
+    let section = 4.0 * std::f64::consts::PI.sqrt() * diameter * diameter * contact_value;
     let expected_rate = section * count / volume * deviation;
     let transit = CROSSINGS_PER_WINDOW * cell_width / (CROSSINGS_PER_WIDTH * deviation);
     transit
@@ -141,7 +141,7 @@ mod cost {
 
 /// How many times as much work as engine `event` windows may take before they do not pay: changing the engine is work too, and
 /// the costs are rough.
-const MOST_WORK: f64 = 2.0;
+const MOST_WORK: f64 = 3.0;
 
 impl Work {
     /// Whether the windows paid. `cell_width` is that of their cells, `way` how far balls flew in them in all: the root mean

@@ -93,7 +93,9 @@ pub struct Windowed {
     turns: usize,
     /// Largest speed of any piece since the balls were sorted.
     fastest: f32,
-    /// What the windows since then took.
+    /// How often the balls have been sorted.
+    sorts: u32,
+    /// What the windows since the last time took.
     work: Work,
     /// Whether the windows before that were worth their work.
     paying: bool,
@@ -226,6 +228,7 @@ impl Windowed {
             behind: false,
             windows_since_sort: 0,
             last_sort: (state.now, 0),
+            sorts: 0,
             work: Work::default(),
             paying: true,
             turns: 0,
@@ -377,7 +380,9 @@ impl Windowed {
         };
         let width = self.grid.width().min_element();
         let work = std::mem::take(&mut self.work);
-        self.paying = work.pays(&self.state, width, deviation * elapsed);
+        // A gas may begin as a lattice, in which hardly anything happens yet: its first windows say little.
+        self.paying = self.sorts < 2 || work.pays(&self.state, width, deviation * elapsed);
+        self.sorts += 1;
         self.length = tuning::window_length(&self.state, width, deviation, rate);
     }
 

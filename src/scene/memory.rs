@@ -20,13 +20,11 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     /// copy for a checkpoint.
     const WINDOWED: u64 = 347;
     /// The same where balls are near each other: in a window more meetings and paths are foreseen.
-    const WINDOWED_NEAR: u64 = 650;
+    const WINDOWED_NEAR: u64 = 500;
     /// Up to which mean spacing that is so, in diameters.
-    const NEAR: f64 = 4.0;
+    const NEAR: f64 = 3.0;
     /// Engine `event`: trajectory, collisions, candidate, event, range of cells, start of the echo.
     const EVENT: f64 = 148.0;
-    /// What a dense gas takes beside its lists of neighbours, memory that was freed meanwhile and not given back included.
-    const DENSE: f64 = 330.0;
     /// Boxes moved on, in a periodic box.
     const IMAGE: f64 = 12.0;
     /// Index of a radius and mass, where they are not all alike.
@@ -44,7 +42,7 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
         let volume = placement.domain.volume();
         let radius = placement.bodies[0].radius;
         let words = record_words(volume, placement.positions.len(), radius, shell);
-        (4 * words) as f64 + DENSE
+        (4 * words) as f64
     });
     let [cells, listed] = cells(placement, shell);
     // A cell has room for 16 balls; where more are listed in some cell, the lists are copied to ones twice as long.

@@ -141,7 +141,7 @@ mod cost {
 
 /// How many times as much work as engine `event` windows may take before they do not pay: changing the engine is work too, and
 /// the costs are rough.
-const MOST_WORK: f64 = 3.0;
+const MOST_WORK: f64 = 2.0;
 
 impl Work {
     /// Whether the windows paid. `cell_width` is that of their cells, `way` how far balls flew in them in all: the root mean

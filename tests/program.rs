@@ -748,6 +748,20 @@ fn generated_and_converted_scenes_run() {
 }
 
 #[test]
+fn a_run_of_whole_samples_ends_with_a_row() {
+    let directory = directory();
+    let options = ["--until", "0.3", "--sample", "0.1", "--series", "rows.csv"];
+    let run = output(&directory, &[&["run", SCENE][..], &options].concat());
+    assert!(run.status.success(), "{}", text(&run.stderr));
+    let rows = fs::read_to_string(directory.path().join("rows.csv")).expect("the series");
+    let last = rows.lines().last().expect("a row");
+    assert_eq!(
+        (rows.lines().count(), last.split(',').next()),
+        (4, Some("0.3"))
+    );
+}
+
+#[test]
 fn check_knows_how_much_memory_a_run_takes() {
     let directory = directory();
     let scene = "units = \"reduced\"\n[domain]\nkind = \"periodic\"\nsize = [60, 60, 60]\n\

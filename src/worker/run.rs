@@ -26,6 +26,9 @@ use crate::snapshot::{NamedBall, ObservableName, Observed, Phase, Snapshot, Warn
 use crate::state::{Placement, State};
 use crate::trajectory_file::{Frame, Recorder};
 
+/// By what share of a sample a row may come after the end of the run through rounding, with a wide margin.
+const ROUNDING_OF_ROWS: f64 = 1e-6;
+
 /// Wall time between two snapshots.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(100);
 
@@ -432,7 +435,11 @@ impl<'a> Run<'a> {
         let began = Instant::now();
         let time = self.time();
         let sample = self.setting.origin.card.sample;
+        let until = self.setting.options.until;
         let next_row = (self.rows + 1) as f64 * sample;
+        // Three times 0.1 is a little more than 0.3: a run of whole samples ends with a row all the same.
+        let at_end = |end: &f64| (next_row - end).abs() < ROUNDING_OF_ROWS * sample;
+        let next_row = until.filter(at_end).unwrap_or(next_row);
         let mut length = self.slices.length().min(sample);
         if let Some(limit) = self.limit {
             length = length.min(limit * LIMITED_SLICE_S);
@@ -443,7 +450,7 @@ impl<'a> Run<'a> {
             self.step_until,
             self.echo.back_at(),
             self.setting.options.reversals.get(self.turned).copied(),
-            self.setting.options.until,
+            until,
         ];
         let target = stops.into_iter().flatten().fold(time + length, f64::min);
         self.target = target;
@@ -493,7 +500,7 @@ impl<'a> Run<'a> {
             self.phase = Phase::Paused;
             self.publish(None);
         }
-        if self.setting.options.until.is_some_and(|end| target >= end) {
+        if until.is_some_and(|end| target >= end) {
             return Ok(ControlFlow::Break(()));
         }
         if self.published.elapsed() >= SNAPSHOT_EVERY {

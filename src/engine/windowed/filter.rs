@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
 use super::pieces::NONE;
-use super::sheet::{Block, LANES, NOBODY, Row, Rows, Sheet};
+use super::sheet::{Block, Columns, LANES, Row, Rows, Sheet};
 use crate::engine::turn::SIDE;
 #[cfg(target_arch = "x86_64")]
 use crate::engine::turn::as_v3;
@@ -224,49 +224,81 @@ impl<P: Rows> WithSimd for Find<'_, P> {
             by_distance,
             ..
         } = self.limits;
+        let (sheet, first) = (&*self.sheet, self.first);
+        // What is listed later begins at a collision for the most part, where its line touches those of its own ball.
+        let later = first > 1;
         let found = if by_distance {
             let test = WithinReach::<S>(simd.splat_f32s(reach_squared));
-            pairs_that_pass(simd, self.sheet, self.first, self.hits, &test)
+            if later {
+                pairs_that_pass(simd, sheet, first, self.hits, &OfTwoBalls(test))
+            } else {
+                pairs_that_pass(simd, sheet, first, self.hits, &test)
+            }
         } else {
             let test = LinesTouch::<S>(simd.splat_f32s(-contact_squared));
-            pairs_that_pass(simd, self.sheet, self.first, self.hits, &test)
-        };
-        self.touching.clear();
-        for hits in &self.hits[..found] {
-            let mut lanes = hits.lanes;
-            while lanes != 0 {
-                let bit = lanes.trailing_zeros();
-                lanes &= lanes - 1;
-                let row = hits.row + bit / LANES as u32;
-                let column = hits.column + bit % LANES as u32;
-                self.touching.push((row, column));
+            if later {
+                pairs_that_pass(simd, sheet, first, self.hits, &OfTwoBalls(test))
+            } else {
+                pairs_that_pass(simd, sheet, first, self.hits, &test)
             }
-        }
-        let rows = self.sheet.rows();
-        let (mut ones, mut others) = (Block::<SIDE>::default(), Block::<SIDE>::default());
-        for pairs in self.touching.chunks(LANES) {
-            for part in 0..pairs.len().div_ceil(SIDE) {
-                let [mut some, mut partners] = [[NOBODY; SIDE]; 2];
-                for (lane, &(row, other)) in pairs[part * SIDE..].iter().take(SIDE).enumerate() {
-                    some[lane] = rows[row as usize];
-                    partners[lane] = rows[other as usize];
-                }
-                ones.turn(simd, part, &some);
-                others.turn(simd, part, &partners);
+        };
+        write_down(&self.hits[..found], self.touching);
+        let rows = sheet.rows();
+        let (mut ones, mut others) = (Block::default(), Block::default());
+        for touching in self.touching.chunks(LANES) {
+            for (part, pairs) in touching.as_chunks::<SIDE>().0.iter().enumerate() {
+                ones.turn(simd, part, &pairs.map(|(row, _)| rows[row as usize]));
+                others.turn(simd, part, &pairs.map(|(_, row)| rows[row as usize]));
             }
             let mut in_vain = 0;
-            for vector in 0..pairs.len().div_ceil(S::F32_LANES) {
+            for vector in 0..touching.len().div_ceil(S::F32_LANES) {
                 let miss =
                     cannot_meet_here(simd, &ones, &others, vector, (self.middle, self.limits));
                 in_vain |= lanes_of(simd, miss) << (vector * S::F32_LANES);
             }
-            for (lane, &pair) in pairs.iter().enumerate() {
-                if in_vain >> lane & 1 == 0 {
-                    self.pairs.push(pair);
-                }
+            let mut count = self.pairs.len();
+            self.pairs.resize(count + touching.len(), NO_PAIR);
+            for (lane, &pair) in touching.iter().enumerate() {
+                self.pairs[count] = pair;
+                count += usize::from(in_vain >> lane & 1 == 0);
             }
+            self.pairs.truncate(count);
         }
     }
+}
+
+/// A piece and itself, which cannot meet.
+const NO_PAIR: (u32, u32) = (0, 0);
+
+/// Writes down the pairs that hits stand for, filled up to a multiple of [`SIDE`].
+#[inline(always)]
+fn write_down(hits: &[Hits], pairs: &mut Vec<(u32, u32)>) {
+    let count: usize = hits
+        .iter()
+        .map(|hits| hits.lanes.count_ones() as usize)
+        .sum();
+    pairs.resize(count + SIDE, NO_PAIR);
+    let mut place = 0;
+    for hits in hits {
+        let mut lanes = hits.lanes;
+        let mut next = |lanes: &mut u64| {
+            let bit = lanes.trailing_zeros();
+            pairs[place] = (
+                hits.row + bit / LANES as u32,
+                hits.column + bit % LANES as u32,
+            );
+            place += usize::from(*lanes != 0);
+            *lanes &= lanes.wrapping_sub(1);
+        };
+        // How many they are cannot be foreseen: two are written down without a branch.
+        next(&mut lanes);
+        next(&mut lanes);
+        while lanes != 0 {
+            next(&mut lanes);
+        }
+    }
+    pairs[count..].fill(NO_PAIR);
+    pairs.truncate(count.next_multiple_of(SIDE));
 }
 
 /// Writes down the pairs, of rows from the first on and of columns that come before, that pass a test; gives how many vectors
@@ -296,7 +328,7 @@ fn pairs_that_pass<S: Simd>(
             let column = number * LANES + vector * lanes;
             let mut row = first.max(column + 1);
             let Some(rows) = rows.get(row..) else { break };
-            let columns = block.vectors(simd, vector);
+            let columns = block.columns(simd, vector);
             let (groups, rest) = rows.as_chunks::<ROWS_AT_ONCE>();
             for group in groups {
                 let next = &mut hits[found];
@@ -327,8 +359,8 @@ fn pairs_that_pass<S: Simd>(
 #[inline(always)]
 fn cannot_meet_here<S: Simd>(
     simd: S,
-    ones: &Block<SIDE>,
-    others: &Block<SIDE>,
+    ones: &Block,
+    others: &Block,
     vector: usize,
     (middle, limits): ([f32; 3], Limits),
 ) -> S::m32s {
@@ -337,8 +369,9 @@ fn cannot_meet_here<S: Simd>(
         simd.splat_f32s(1.0),
         simd.splat_f32s(0.5),
     );
-    let [position, velocity] = ones.vectors(simd, vector);
-    let [other_position, other_velocity] = others.vectors(simd, vector);
+    let [one_of, other_of] = [ones, others].map(|block| block.columns(simd, vector));
+    let (position, other_position) = (one_of.position, other_of.position);
+    let (velocity, other_velocity) = (one_of.velocity, other_of.velocity);
     let apart = difference(simd, position, other_position);
     let relative = difference(simd, velocity, other_velocity);
     let per_speed_squared = simd.div_f32s(one, dot(simd, relative, relative));
@@ -361,13 +394,11 @@ fn cannot_meet_here<S: Simd>(
     let outside = simd.greater_than_f32s(beyond, zero);
     let recede = simd.less_than_f32s(closest, simd.neg_f32s(time_margin));
     miss = simd.or_m32s(miss, simd.and_m32s(outside, recede));
-    let [[ball, link], [other_ball, other_link]] =
-        [ones, others].map(|block| block.numbers(simd, vector));
-    miss = simd.or_m32s(miss, simd.equal_u32s(ball, other_ball));
+    miss = simd.or_m32s(miss, simd.equal_u32s(one_of.ball, other_of.ball));
     if limits.part_for_good {
         let part = simd.and_m32s(
-            simd.equal_u32s(link, other_link),
-            simd.less_than_u32s(link, simd.splat_u32s(NONE)),
+            simd.equal_u32s(one_of.link, other_of.link),
+            simd.less_than_u32s(one_of.link, simd.splat_u32s(NONE)),
         );
         miss = simd.or_m32s(miss, part);
     }
@@ -419,7 +450,18 @@ fn dot<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> S::f32s {
 /// What all pairs of a row and of columns are asked first.
 trait Test<S: Simd> {
     /// Which of them may meet, as far as this tells.
-    fn passes(&self, simd: S, row: &Row, columns: [[S::f32s; 3]; 2]) -> S::m32s;
+    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s;
+}
+
+/// Do they belong to two balls, and do they pass another test?
+struct OfTwoBalls<T>(T);
+
+impl<S: Simd, T: Test<S>> Test<S> for OfTwoBalls<T> {
+    #[inline(always)]
+    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
+        let one_ball = simd.equal_u32s(columns.ball, simd.splat_u32s(row.ball()));
+        simd.and_m32s(self.0.passes(simd, row, columns), simd.not_m32s(one_ball))
+    }
 }
 
 /// Are they near enough for meeting in the window? By the square of the largest distance.
@@ -427,8 +469,8 @@ struct WithinReach<S: Simd>(S::f32s);
 
 impl<S: Simd> Test<S> for WithinReach<S> {
     #[inline(always)]
-    fn passes(&self, simd: S, row: &Row, [position, _]: [[S::f32s; 3]; 2]) -> S::m32s {
-        let apart = difference(simd, position, splat(simd, row.position()));
+    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
+        let apart = difference(simd, columns.position, splat(simd, row.position()));
         simd.less_than_f32s(dot(simd, apart, apart), self.0)
     }
 }
@@ -438,9 +480,9 @@ struct LinesTouch<S: Simd>(S::f32s);
 
 impl<S: Simd> Test<S> for LinesTouch<S> {
     #[inline(always)]
-    fn passes(&self, simd: S, row: &Row, [position, velocity]: [[S::f32s; 3]; 2]) -> S::m32s {
-        let apart = difference(simd, position, splat(simd, row.position()));
-        let velocity = difference(simd, splat(simd, row.velocity()), velocity);
+    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
+        let apart = difference(simd, columns.position, splat(simd, row.position()));
+        let velocity = difference(simd, splat(simd, row.velocity()), columns.velocity);
         // Positive if they approach.
         let approach = dot(simd, apart, velocity);
         let beyond = simd.mul_add_e_f32s(apart[0], apart[0], self.0);

@@ -30,18 +30,21 @@ pub trait Rows {
 /// What stands for no piece.
 pub const NOBODY: Row = Line([FAR, FAR, FAR, 0.0, 0.0, 0.0, 0.0, 0.0]);
 
-/// The first so many columns of some rows: `x, y, z` and the velocity's `x, y, z`; the ball and the link, by their bits.
-#[derive(Clone, Copy, Debug)]
+/// The columns of some rows, as those are.
+#[derive(Clone, Copy, Debug, Default)]
 #[repr(align(64))]
-pub struct Block<const COLUMNS: usize>([[f32; LANES]; COLUMNS]);
+pub struct Block([[f32; LANES]; SIDE]);
 
-impl<const COLUMNS: usize> Default for Block<COLUMNS> {
-    fn default() -> Self {
-        Self([[0.0; LANES]; COLUMNS])
-    }
+/// A vector of each column.
+#[derive(Clone, Copy)]
+pub struct Columns<S: Simd> {
+    pub position: [S::f32s; 3],
+    pub velocity: [S::f32s; 3],
+    pub ball: S::u32s,
+    pub link: S::u32s,
 }
 
-impl<const COLUMNS: usize> Block<COLUMNS> {
+impl Block {
     /// Fills one of its parts from rows.
     #[inline(always)]
     pub fn turn<S: Simd>(&mut self, simd: S, part: usize, rows: &[Row; SIDE]) {
@@ -52,28 +55,22 @@ impl<const COLUMNS: usize> Block<COLUMNS> {
         }
     }
 
-    /// A vector of each column: the positions' and the velocities'.
+    /// Vectors of its columns.
     #[inline(always)]
-    pub fn vectors<S: Simd>(&self, _simd: S, vector: usize) -> [[S::f32s; 3]; 2] {
+    pub fn columns<S: Simd>(&self, _simd: S, vector: usize) -> Columns<S> {
         let column = |column: usize| S::as_simd_f32s(&self.0[column]).0[vector];
-        [
-            [column(0), column(1), column(2)],
-            [column(3), column(4), column(5)],
-        ]
-    }
-
-    /// A vector of the balls and one of the links.
-    #[inline(always)]
-    pub fn numbers<S: Simd>(&self, _simd: S, vector: usize) -> [S::u32s; 2] {
-        [6, 7].map(|column: usize| {
+        let numbers = |column: usize| {
             let numbers: &[u32; LANES] = bytemuck::cast_ref(&self.0[column]);
             S::as_simd_u32s(numbers).0[vector]
-        })
+        };
+        Columns {
+            position: [column(0), column(1), column(2)],
+            velocity: [column(3), column(4), column(5)],
+            ball: numbers(6),
+            link: numbers(7),
+        }
     }
 }
-
-/// Columns that a sheet has.
-const POSITION_AND_VELOCITY: usize = 6;
 
 /// The pieces of a cell, in the order of its list.
 #[derive(Clone, Debug, Default)]
@@ -82,7 +79,7 @@ pub struct Sheet {
     rows: Vec<Row>,
     /// Rows in use.
     count: usize,
-    blocks: Vec<Block<POSITION_AND_VELOCITY>>,
+    blocks: Vec<Block>,
 }
 
 impl Sheet {
@@ -99,7 +96,7 @@ impl Sheet {
 
     /// The rows' columns, padded with rows that meet nothing.
     #[inline(always)]
-    pub fn blocks(&self) -> &[Block<POSITION_AND_VELOCITY>] {
+    pub fn blocks(&self) -> &[Block] {
         &self.blocks[..self.count.div_ceil(LANES)]
     }
 

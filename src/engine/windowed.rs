@@ -32,6 +32,7 @@ mod sheet;
 mod shelves;
 mod touch;
 mod tuning;
+mod ways;
 
 use std::collections::BinaryHeap;
 
@@ -51,6 +52,7 @@ use pieces::{FRESH, LATER, Line, MOST_REGIONS, NONE, Numbering, Past, Piece, Pie
 use region::Region;
 use scratch::Scratch;
 use shelves::Shelves;
+use touch::Offsets;
 use tuning::Work;
 
 /// Windows between two sortings of the balls.
@@ -73,6 +75,7 @@ const FLIGHTS_AHEAD: usize = 16;
 pub struct Windowed {
     state: State,
     grid: Grid,
+    offsets: Offsets,
     numbering: Numbering,
     regions: Vec<Region>,
     /// Every flight as the filter sees it, sorted.
@@ -214,6 +217,7 @@ impl Windowed {
         let grid = Grid::new(&state.domain, tuning::cell_width(&state), count);
         let pieces = || vec![Pieces::default(); region_count];
         let mut engine = Self {
+            offsets: Offsets::new(grid.strides),
             grid,
             numbering: Numbering::new(region_count),
             regions: vec![Region::default(); region_count],
@@ -264,6 +268,7 @@ impl Windowed {
         Gas {
             state: &self.state,
             grid: &self.grid,
+            offsets: &self.offsets,
             numbering: self.numbering,
             window,
             speed_scale: self.grid.scale * self.length,

@@ -228,6 +228,7 @@ impl Windowed {
         let gas = self.gas(window);
         let own = (LATER, &mut pieces);
         let id = region.begin(gas, after, ball, origin, sibling, own);
+        region.list_ways(&gas);
         self.pieces[LATER][0] = pieces;
         let passages = std::mem::take(&mut region.outbox);
         let [firsts, fresh, later] = &self.pieces;

@@ -32,7 +32,7 @@ const FEW_WITHIN_REACH: f64 = 0.2;
 pub struct Filter {
     machine: Arch,
     hits: Vec<Hits>,
-    touching: Vec<(u32, u32)>,
+    pairs: Vec<(u32, u32)>,
     margins: Margins,
     limits: Limits,
 }
@@ -75,7 +75,7 @@ impl Default for Filter {
         Self {
             machine: Arch::new(),
             hits: Vec::new(),
-            touching: Vec::new(),
+            pairs: Vec::new(),
             margins: Margins::default(),
             limits: Limits::default(),
         }
@@ -133,26 +133,25 @@ impl Filter {
         self.margins.fastest
     }
 
-    /// Puts on `sheet` those pieces of a cell that are not on it yet, and appends to `pairs` each pair of a piece from row
-    /// `first` on and a piece before it that can meet in the cell in the window, the later row first. `middle` is the cell's.
+    /// Puts on `sheet` those pieces of a cell that are not on it yet, and gives each pair of a piece from row `first` on and a
+    /// piece before it that can meet in the cell in the window, the later row first. `middle` is the cell's.
     pub fn find(
         &mut self,
         sheet: &mut Sheet,
         pieces: impl Rows,
         first: usize,
         middle: [f32; 3],
-        pairs: &mut Vec<(u32, u32)>,
-    ) {
-        self.machine.dispatch(Find {
+    ) -> &[(u32, u32)] {
+        let count = self.machine.dispatch(Find {
             sheet,
             pieces,
             first,
             middle,
             limits: self.limits,
             hits: &mut self.hits,
-            touching: &mut self.touching,
-            pairs,
+            pairs: &mut self.pairs,
         });
+        &self.pairs[..count]
     }
 }
 
@@ -208,15 +207,14 @@ struct Find<'a, P> {
     middle: [f32; 3],
     limits: Limits,
     hits: &'a mut Vec<Hits>,
-    touching: &'a mut Vec<(u32, u32)>,
     pairs: &'a mut Vec<(u32, u32)>,
 }
 
 impl<P: Rows> WithSimd for Find<'_, P> {
-    type Output = ();
+    type Output = usize;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn with_simd<S: Simd>(self, simd: S) -> usize {
         self.sheet.fill(simd, &self.pieces);
         let Limits {
             contact_squared,
@@ -242,42 +240,44 @@ impl<P: Rows> WithSimd for Find<'_, P> {
                 pairs_that_pass(simd, sheet, first, self.hits, &test)
             }
         };
-        write_down(&self.hits[..found], self.touching);
+        let count = write_down(&self.hits[..found], self.pairs);
         let rows = sheet.rows();
+        let pairs = &mut self.pairs[..count.next_multiple_of(SIDE)];
+        let mut kept = 0;
         let (mut ones, mut others) = (Block::default(), Block::default());
-        for touching in self.touching.chunks(LANES) {
-            for (part, pairs) in touching.as_chunks::<SIDE>().0.iter().enumerate() {
+        for first in (0..pairs.len()).step_by(LANES) {
+            let some = &pairs[first..pairs.len().min(first + LANES)];
+            for (part, pairs) in some.as_chunks::<SIDE>().0.iter().enumerate() {
                 ones.turn(simd, part, &pairs.map(|(row, _)| rows[row as usize]));
                 others.turn(simd, part, &pairs.map(|(_, row)| rows[row as usize]));
             }
             let mut in_vain = 0;
-            for vector in 0..touching.len().div_ceil(S::F32_LANES) {
+            for vector in 0..some.len().div_ceil(S::F32_LANES) {
                 let miss =
                     cannot_meet_here(simd, &ones, &others, vector, (self.middle, self.limits));
                 in_vain |= lanes_of(simd, miss) << (vector * S::F32_LANES);
             }
-            let mut count = self.pairs.len();
-            self.pairs.resize(count + touching.len(), NO_PAIR);
-            for (lane, &pair) in touching.iter().enumerate() {
-                self.pairs[count] = pair;
-                count += usize::from(in_vain >> lane & 1 == 0);
+            for lane in 0..some.len() {
+                pairs[kept] = pairs[first + lane];
+                kept += usize::from(in_vain >> lane & 1 == 0);
             }
-            self.pairs.truncate(count);
         }
+        kept
     }
 }
 
 /// A piece and itself, which cannot meet.
 const NO_PAIR: (u32, u32) = (0, 0);
 
-/// Writes down the pairs that hits stand for, filled up to a multiple of [`SIDE`].
+/// Writes down the pairs that hits stand for, and then some that cannot meet, up to a multiple of [`SIDE`]. Gives how many pairs
+/// they are.
 #[inline(always)]
-fn write_down(hits: &[Hits], pairs: &mut Vec<(u32, u32)>) {
-    let count: usize = hits
-        .iter()
-        .map(|hits| hits.lanes.count_ones() as usize)
-        .sum();
-    pairs.resize(count + SIDE, NO_PAIR);
+fn write_down(hits: &[Hits], pairs: &mut Vec<(u32, u32)>) -> usize {
+    let counts = hits.iter().map(|hits| hits.lanes.count_ones() as usize);
+    let count: usize = counts.sum();
+    if pairs.len() < count + SIDE {
+        pairs.resize(2 * count + SIDE, NO_PAIR);
+    }
     let mut place = 0;
     for hits in hits {
         let mut lanes = hits.lanes;
@@ -297,8 +297,8 @@ fn write_down(hits: &[Hits], pairs: &mut Vec<(u32, u32)>) {
             next(&mut lanes);
         }
     }
-    pairs[count..].fill(NO_PAIR);
-    pairs.truncate(count.next_multiple_of(SIDE));
+    pairs[count..count + SIDE].fill(NO_PAIR);
+    count
 }
 
 /// Writes down the pairs, of rows from the first on and of columns that come before, that pass a test; gives how many vectors
@@ -545,7 +545,7 @@ mod tests {
     /// The pairs of rows that vectors of one width find.
     fn pairs(simd: impl Simd, count: usize, first: usize, by_distance: bool) -> Vec<(u32, u32)> {
         let mut pairs = Vec::new();
-        Find {
+        let count = Find {
             sheet: &mut Sheet::default(),
             pieces: Crowd((0..count as Entry).collect()),
             first,
@@ -559,10 +559,10 @@ mod tests {
                 part_for_good: true,
             },
             hits: &mut Vec::new(),
-            touching: &mut Vec::new(),
             pairs: &mut pairs,
         }
         .with_simd(simd);
+        pairs.truncate(count);
         pairs.sort_unstable();
         pairs
     }

@@ -28,6 +28,9 @@ const ENTRIES_AHEAD: usize = 16;
 /// Places along an axis of a ball's way that are few.
 const FEW_PLACES: i32 = 4;
 
+/// What stands for no cell, in the layer around those of a container.
+pub const NOWHERE: u32 = u32::MAX;
+
 /// A place on the grid; the layer around the cells is at -1 and at the count of cells.
 pub type Place = [i32; 3];
 
@@ -51,7 +54,7 @@ pub struct Grid {
     pub scale: f64,
     /// Widths of a cell, in grid lengths.
     pub edges: [f32; 3],
-    /// For each place in raster order: the cell there and, as in an [`Entry`], which image of it.
+    /// For each place in raster order: the cell there and, as in an [`Entry`], which image of it; or [`NOWHERE`].
     pub targets: Vec<u32>,
     /// What one step along each axis adds to a place's number in raster order.
     pub strides: [u32; 3],
@@ -112,7 +115,7 @@ impl Grid {
             slack: SLACK * width.min_element(),
             scale,
             edges: edge_lengths.as_vec3().to_array(),
-            targets: vec![0; counts.iter().map(|&count| count as usize + 2).product()],
+            targets: vec![NOWHERE; counts.iter().map(|&count| count as usize + 2).product()],
             strides,
             centers: places.iter().map(center).collect(),
         };

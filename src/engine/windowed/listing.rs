@@ -12,7 +12,9 @@ use super::grid::{Inserted, Lists, Tails};
 use super::paths::Gas;
 use super::pieces::{Id, Line, NONE, Numbering, Past};
 use super::region::Passage;
-use super::touch::{BLOCK, Block, Bounds, CUBE, NEAR_BOUNDARY, Offsets, PARTS, WIDE, avoid, touch};
+use super::touch::{
+    BLOCK, Block, Bounds, CUBE, NEAR_BOUNDARY, Offsets, PARTS, WIDE, avoid, planes, touch,
+};
 use crate::engine::image::number_of;
 use crate::engine::turn::SIDE;
 
@@ -23,13 +25,25 @@ const WITHOUT_BRANCHES: usize = 4;
 const BLOCKS_AHEAD: usize = 16;
 
 /// Passages of a block: as many as all its flights can have.
-const MOST_PASSAGES: usize = (BLOCK * CUBE + WITHOUT_BRANCHES).next_power_of_two();
+pub const MOST_PASSAGES: usize = (BLOCK * CUBE + WITHOUT_BRANCHES).next_power_of_two();
 
 /// A passage: the place's number, and above [`FLIGHT_SHIFT`] the flight's.
-type Passing = u64;
+pub type Passing = u64;
 
 /// See [`Passing`].
 const FLIGHT_SHIFT: u32 = u32::BITS;
+
+/// Where it is.
+#[inline(always)]
+pub fn place_of(passing: Passing) -> usize {
+    passing as u32 as usize
+}
+
+/// Whose it is.
+#[inline(always)]
+pub fn flight_of(passing: Passing) -> Id {
+    (passing >> FLIGHT_SHIFT) as Id
+}
 
 /// Which flights of a block left the last window along another piece.
 struct Turned {
@@ -102,9 +116,9 @@ impl<'f> WithSimd for Listing<'_, 'f> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> &'f [Line] {
         let bounds = Bounds::new(&self.gas);
+        let planes = planes(&self.gas);
         let mut block = Block::new(bounds.radius);
         let targets = &self.gas.grid.targets[..];
-        let offsets = Offsets::new(bounds.strides);
         let mut tails = self.lists.tails();
         let cells = tails.cells();
         let mut first = self.first as u32;
@@ -146,7 +160,7 @@ impl<'f> WithSimd for Listing<'_, 'f> {
                 let radii = &radii[number * BLOCK..][..count_of_lines];
                 block.radius[..radii.len()].copy_from_slice(radii);
             }
-            touch(simd, &mut block, &bounds, advance);
+            touch(simd, &mut block, &bounds, advance, BLOCK);
             for (part, lines) in parts
                 .iter_mut()
                 .chain([&mut padded])
@@ -156,16 +170,18 @@ impl<'f> WithSimd for Listing<'_, 'f> {
                 block.write(simd, part, lines);
             }
             rest.copy_from_slice(&padded[..rest.len()]);
-            for plane in &bounds.planes {
+            for plane in &planes {
                 avoid(&mut block, *plane, bounds.slack);
             }
-            let count = pass(
-                &block,
-                &offsets,
-                first..first + count_of_lines as Id,
-                &mut passages,
-                self.aside,
-            );
+            let aside = |touched: u32, id: Id| {
+                let aside = touched & (WIDE | NEAR_BOUNDARY) != 0;
+                if aside {
+                    self.aside.push(id);
+                }
+                aside
+            };
+            let ids = first..first + count_of_lines as Id;
+            let count = pass(&block, self.gas.offsets, ids, &mut passages, aside);
             let mut passages = &passages[..count];
             while let Some(rest) = list(passages, targets, &mut tails, self.outbox) {
                 passages = rest;
@@ -178,20 +194,21 @@ impl<'f> WithSimd for Listing<'_, 'f> {
     }
 }
 
-/// Writes down the passages of a block's flights, and those flights aside that need a closer look; gives how many passages.
+/// Writes down the passages of a block's flights, but for those which `aside` takes by the bits of what they touch; gives how many
+/// passages.
 #[inline(always)]
-fn pass(
+pub fn pass(
     block: &Block,
     offsets: &Offsets,
     flights: Range<Id>,
-    passages: &mut [Passing; MOST_PASSAGES],
-    aside: &mut Vec<Id>,
+    passages: &mut [Passing],
+    mut aside: impl FnMut(u32, Id) -> bool,
 ) -> usize {
+    let passages = &mut passages[..MOST_PASSAGES];
     let mut count = 0;
     for (id, lane) in flights.zip(0..BLOCK) {
         let touched = block.touched[lane];
-        if touched & (WIDE | NEAR_BOUNDARY) != 0 {
-            aside.push(id);
+        if aside(touched, id) {
             continue;
         }
         let offsets = offsets.of_way(touched);
@@ -224,8 +241,8 @@ fn list<'p>(
     outbox: &mut Vec<Passage>,
 ) -> Option<&'p [Passing]> {
     for (number, &passing) in passages.iter().enumerate() {
-        let target = targets[passing as u32 as usize];
-        let id = (passing >> FLIGHT_SHIFT) as Id;
+        let target = targets[place_of(passing)];
+        let id = flight_of(passing);
         let cell = number_of(target);
         let entry = id | (target - cell);
         match tails.insert(cell as usize, entry) {

@@ -6,6 +6,7 @@ use glam::DVec3;
 use super::grid::Grid;
 use super::meeting::{AT_BOUNDARY, Bound, Meeting};
 use super::pieces::{Id, Line, NONE, Numbering};
+use super::touch::Offsets;
 use crate::collision::{plane_time, wall_time};
 use crate::domain::Boundary;
 use crate::engine::contact;
@@ -52,6 +53,8 @@ pub struct Gas<'a> {
     pub window: Window,
     /// Grid lengths per window for a length per epoch.
     pub speed_scale: f64,
+    /// Where the cells are that a path touches.
+    pub offsets: &'a Offsets,
     /// By how much a line's position may be wrong, with a margin, in grid lengths.
     pub slack: f64,
 }
@@ -156,15 +159,15 @@ impl Gas<'_> {
     }
 
     /// Follows a piece of a ball, which entered the window with the flight `owner`, and those after it where it meets what bounds
-    /// the domain, to the end of the window: `pass` gets each piece's number with each of its cells, `meet` each such meeting,
-    /// `add` numbers each further piece.
+    /// the domain, to the end of the window: `pass` gets each piece's number with the ends of its way and the ball's radius, `meet`
+    /// each such meeting, `add` numbers each further piece.
     pub fn trace(
         &self,
         id: Id,
         trajectory: Trajectory,
         (ball, owner): (u32, Id),
         mut add: impl FnMut(&Trajectory) -> Id,
-        mut pass: impl FnMut(u32, Id),
+        mut pass: impl FnMut(Id, [DVec3; 2], f64),
         mut meet: impl FnMut(Meeting),
     ) {
         let Window { begin, end } = self.window;
@@ -179,8 +182,7 @@ impl Gas<'_> {
             };
             let to = bound.map_or(end, |(time, _)| time);
             let ends: [DVec3; 2] = [from, to].map(|time| trajectory.position_at(time));
-            self.grid
-                .for_each_on_way(ends[0], ends[1], body.radius, |target| pass(target, id));
+            pass(id, ends, body.radius);
             let Some((time, bound)) = bound else { return };
             (trajectory, _) = self.after(ball, trajectory, bound, time);
             let next = add(&trajectory);

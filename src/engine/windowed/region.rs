@@ -18,6 +18,7 @@ use super::pieces::{FIRST, Id, Line, NONE, Origin, Piece, Pieces};
 use super::scratch::Scratch;
 use super::sheet::Sheet;
 use super::shelves::{Images, Passers, Shelves, View};
+use super::ways::Ways;
 use crate::collision::{image_pair_time, pair_time};
 use crate::engine::contact;
 use crate::engine::image::{image_of, number_of, steps_of};
@@ -126,7 +127,7 @@ pub struct Region {
     sheets: Vec<Sheet>,
     on_sheets: usize,
     spare_sheet: Sheet,
-    pairs: Scratch<(u32, u32)>,
+    ways: Ways,
     candidates: Scratch<Candidate>,
     loaded: Vec<[Trajectory; 2]>,
     aside: Scratch<u32>,
@@ -223,11 +224,12 @@ impl Region {
                     },
                 );
             }
+            self.list_ways(&gas);
         }
         self.aside = aside;
     }
 
-    /// Lists a piece and those that follow it; `add` numbers these.
+    /// Follows a piece and those after it, whose ways are then to be listed; `add` numbers these.
     fn trace(
         &mut self,
         gas: Gas,
@@ -238,30 +240,40 @@ impl Region {
     ) {
         let Self {
             number,
-            lists,
-            outbox,
+            ways,
             meetings,
-            pending,
-            searched,
             ..
         } = self;
-        let cells = lists.cells();
         gas.trace(
             id,
             trajectory,
             ball_and_owner,
             |after| add(*number, after),
-            |target, id| {
-                let cell = number_of(target) as usize;
-                let entry = id | (target - number_of(target));
-                if !cells.contains(&cell) {
-                    outbox.push((entry, cell as u32));
-                } else if lists.insert(cell, entry) && cell < *searched {
-                    pending.push(cell as u32);
-                }
-            },
+            |id, ends, radius| ways.add(&gas, id, ends, radius),
             |meeting| meetings.push(meeting),
         );
+    }
+
+    /// Lists the ways that have been added.
+    pub fn list_ways(&mut self, gas: &Gas) {
+        let Self {
+            lists,
+            outbox,
+            ways,
+            pending,
+            searched,
+            ..
+        } = self;
+        let cells = lists.cells();
+        ways.visit(gas, |target, id| {
+            let cell = number_of(target) as usize;
+            let entry = id | (target - number_of(target));
+            if !cells.contains(&cell) {
+                outbox.push((entry, cell as u32));
+            } else if lists.insert(cell, entry) && cell < *searched {
+                pending.push(cell as u32);
+            }
+        });
     }
 
     /// Lists what the others' outboxes hold for this region's cells.
@@ -332,8 +344,8 @@ impl Region {
         meeting::sort(&mut self.meetings, span, &mut self.spare);
     }
 
-    /// Lists a ball's piece that begins at a meeting and those that follow it, all added to `own`; gives the piece. `sibling` is the
-    /// one that begins there too, if it has been listed.
+    /// Adds a ball's piece that begins at a meeting and those that follow it to `own`; gives the piece. `sibling` is the one that
+    /// begins there too, if it has been added. They are still to be listed, with [`Self::list_ways`].
     pub fn begin(
         &mut self,
         gas: Gas,
@@ -387,7 +399,6 @@ impl Region {
             sheets,
             on_sheets,
             spare_sheet,
-            pairs,
             candidates,
             ..
         } = self;
@@ -400,18 +411,17 @@ impl Region {
             spare_sheet.clear();
             spare_sheet
         };
-        pairs.empty();
         let first = tested.max(1);
         let pieces = Passers { view, entries };
         let middle = shelves.gas.grid.center(cell);
-        if shelves.gas.is_periodic() {
-            filter.find(sheet, Images(pieces), first, middle, pairs);
+        let pairs = if shelves.gas.is_periodic() {
+            filter.find(sheet, Images(pieces), first, middle)
         } else {
-            filter.find(sheet, pieces, first, middle, pairs);
-        }
+            filter.find(sheet, pieces, first, middle)
+        };
         lists.set_tested(cell);
         let entries = lists.entries(cell);
-        for &(row, other) in pairs.iter() {
+        for &(row, other) in pairs {
             let entries = [row, other].map(|row| entries[row as usize]);
             let ids = entries.map(number_of);
             let origins = ids.map(|id| view.origin(id));
@@ -493,6 +503,7 @@ impl Region {
             }
             self.meetings.push(meeting);
         }
+        self.list_ways(&gas);
     }
 
     /// Lists pieces in cells of this region and finds their meetings with those listed there before.

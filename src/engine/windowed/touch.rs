@@ -48,8 +48,6 @@ pub struct Bounds {
     inside: [(f32, f32); 3],
     /// Whether a ball meets a face with its surface.
     hard: f32,
-    /// Normals and offsets.
-    pub planes: Vec<([f32; 3], f32)>,
 }
 
 impl Bounds {
@@ -64,10 +62,6 @@ impl Bounds {
         let domain = &gas.state.domain;
         let slack = gas.slack as f32;
         let size = (2.0 * domain.half_size * scale).as_vec3().to_array();
-        let plane = |plane: &crate::domain::Plane| {
-            let offset = plane.offset + plane.normal.dot(domain.half_size);
-            (plane.normal.as_vec3().to_array(), (offset * scale) as f32)
-        };
         Self {
             slack,
             radius: (gas.state.bodies.largest_radius() * scale) as f32,
@@ -76,9 +70,19 @@ impl Bounds {
             strides,
             inside: size.map(|size| (slack, size - slack)),
             hard: if gas.is_periodic() { 0.0 } else { 1.0 },
-            planes: domain.planes.iter().map(plane).collect(),
         }
     }
+}
+
+/// Normals and offsets of the domain's planes, in grid lengths.
+pub fn planes(gas: &Gas) -> Vec<([f32; 3], f32)> {
+    let domain = &gas.state.domain;
+    let plane = |plane: &crate::domain::Plane| {
+        let offset = plane.offset + plane.normal.dot(domain.half_size);
+        let offset = (offset * gas.grid.scale) as f32;
+        (plane.normal.as_vec3().to_array(), offset)
+    };
+    domain.planes.iter().map(plane).collect()
 }
 
 /// A block of flights.
@@ -142,7 +146,7 @@ impl Block {
 }
 
 /// For each way that a path can go, for each bit of a cell it touches: how much farther that cell's place is than the first one's.
-#[derive(Clone, Copy)]
+#[derive(Clone, Debug)]
 pub struct Offsets([[u64; u32::BITS as usize]; 8]);
 
 impl Offsets {
@@ -172,14 +176,14 @@ impl Offsets {
     }
 }
 
-/// Moves the flights of a block on by so many windows and finds the cells that their paths touch.
+/// Moves the first so many flights of a block on by so many windows and finds the cells that their paths touch.
 #[inline(always)]
-pub fn touch<S: Simd>(simd: S, block: &mut Block, bounds: &Bounds, advance: f32) {
+pub fn touch<S: Simd>(simd: S, block: &mut Block, bounds: &Bounds, advance: f32, count: usize) {
     let lanes = size_of::<S::f32s>() / size_of::<f32>();
-    for vector in 0..BLOCK / lanes {
+    for vector in 0..count.div_ceil(lanes) {
         touch_vector(simd, block, bounds, vector, advance);
     }
-    for lane in 0..BLOCK {
+    for lane in 0..count {
         let place = |axis: usize| {
             let first = block.first[axis][lane] + 1.0 + WHOLE;
             (first.to_bits() & 0xffff) * bounds.strides[axis]
@@ -329,7 +333,6 @@ mod tests {
             strides: [144, 12, 1],
             inside: EDGES.map(|edge| (1e-4, 10.0 * edge - 1e-4)),
             hard: 1.0,
-            planes: Vec::new(),
         }
     }
 
@@ -340,7 +343,7 @@ mod tests {
     ) -> Block {
         let mut block = Block::new(0.1);
         (block.position, block.velocity) = (*positions, *velocities);
-        touch(simd, &mut block, &bounds(), 0.0);
+        touch(simd, &mut block, &bounds(), 0.0, BLOCK);
         block
     }
 

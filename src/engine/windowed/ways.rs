@@ -1,0 +1,104 @@
+//! Straight ways of pieces that are found one by one, and what they pass: found for many at a time.
+
+use glam::DVec3;
+use pulp::{Arch, Simd, WithSimd};
+
+use super::grid::NOWHERE;
+use super::listing::{MOST_PASSAGES, Passing, flight_of, pass, place_of};
+use super::paths::Gas;
+use super::pieces::{Id, Line};
+use super::scratch::Scratch;
+use super::touch::{BLOCK, Block, Bounds, PARTS, touch};
+use crate::engine::turn::SIDE;
+
+/// Longest way, with the ball's extent, that surely reaches into no more cells than are told apart, in their widths.
+const LONGEST: f64 = 1.99;
+
+/// Ways whose passages are still to be found.
+#[derive(Clone, Debug, Default)]
+pub struct Ways {
+    /// Where each begins, its way in place of the velocity, and its piece in place of the ball.
+    lines: Scratch<Line>,
+    /// The balls' radii in grid lengths.
+    radii: Scratch<f32>,
+    passages: Vec<Passing>,
+    /// What longer ways pass, and the pieces.
+    of_longer: Vec<(u32, Id)>,
+}
+
+impl Ways {
+    /// Adds the way of a piece of a ball of this radius, inside the box but for rounding.
+    #[inline]
+    pub fn add(&mut self, gas: &Gas, id: Id, ends: [DVec3; 2], radius: f64) {
+        // So no way reaches beyond the layer of places around the cells.
+        let half_size = gas.state.domain.half_size;
+        let [from, to] = ends.map(|end| end.clamp(-half_size, half_size));
+        let way = to - from;
+        let extent = way.abs() + 2.0 * radius;
+        if extent.cmple(LONGEST * gas.grid.width()).all() {
+            let line = Line::new(gas.grid.to_grid(from), way * gas.grid.scale, id);
+            self.lines.push(line);
+            self.radii.push((radius * gas.grid.scale) as f32);
+        } else {
+            let pass = |target| self.of_longer.push((target, id));
+            gas.grid.for_each_on_way(from, to, radius, pass);
+        }
+    }
+
+    /// Visits all that they pass, as the grid's targets, with the piece that does; and forgets them.
+    pub fn visit(&mut self, gas: &Gas, mut visit: impl FnMut(u32, Id)) {
+        let machine = Arch::new();
+        let bounds = Bounds::new(gas);
+        let ways = self.lines.chunks(BLOCK).zip(self.radii.chunks(BLOCK));
+        for (lines, radii) in ways {
+            self.passages.resize(MOST_PASSAGES, 0);
+            let count = machine.dispatch(Pass {
+                gas,
+                bounds: &bounds,
+                lines,
+                radii,
+                passages: &mut self.passages,
+            });
+            for &passing in &self.passages[..count] {
+                let target = gas.grid.targets[place_of(passing)];
+                if target != NOWHERE {
+                    visit(target, lines[flight_of(passing) as usize].ball());
+                }
+            }
+        }
+        self.lines.empty();
+        self.radii.empty();
+        for (target, id) in self.of_longer.drain(..) {
+            visit(target, id);
+        }
+    }
+}
+
+/// Finds the passages of a block of ways.
+struct Pass<'a> {
+    gas: &'a Gas<'a>,
+    bounds: &'a Bounds,
+    lines: &'a [Line],
+    radii: &'a [f32],
+    passages: &'a mut [Passing],
+}
+
+impl WithSimd for Pass<'_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> usize {
+        let mut block = Block::new(self.bounds.radius);
+        let (parts, rest) = self.lines.as_chunks::<SIDE>();
+        let mut padded = [Line([0.0; SIDE]); SIDE];
+        padded[..rest.len()].copy_from_slice(rest);
+        for (part, lines) in parts.iter().chain([&padded]).enumerate().take(PARTS) {
+            block.read(simd, part, lines);
+        }
+        block.radius[..self.radii.len()].copy_from_slice(self.radii);
+        let count = self.lines.len();
+        touch(simd, &mut block, self.bounds, 0.0, count);
+        let ids = 0..count as Id;
+        pass(&block, self.gas.offsets, ids, self.passages, |_, _| false)
+    }
+}

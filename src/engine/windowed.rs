@@ -271,6 +271,7 @@ impl Windowed {
             offsets: &self.offsets,
             numbering: self.numbering,
             window,
+            per_epoch: 1.0 / self.length,
             speed_scale: self.grid.scale * self.length,
             slack: 2.0 * self.line_error() + grid::SLACK,
         }
@@ -408,10 +409,10 @@ impl Windowed {
         );
         let margins = Margins {
             contact: 2.0 * most * self.grid.scale,
+            least_contact: 2.0 * least * self.grid.scale,
             off_middle: 0.5 * (most - least) * self.grid.scale,
             position: self.line_error(),
             edges: self.grid.edges,
-            around: self.grid.way_around(),
             fastest: self.fastest,
         };
         let advance = f32::from(std::mem::replace(&mut self.behind, true));

@@ -200,7 +200,7 @@ impl Windowed {
                     parents: pieces,
                     generation: 0,
                 };
-                next[one] = self.pursue(after[one], balls[one], origin, next[0], window);
+                next[one] = self.pursue(after[one], balls[one], origin, window);
             }
             next
         };
@@ -213,21 +213,14 @@ impl Windowed {
     }
 
     /// Lists a ball's piece that begins now and those that follow, and tests them against all that is listed where they pass. Gives
-    /// the piece. `sibling` is the one that begins at the same meeting, if it has been listed.
-    fn pursue(
-        &mut self,
-        after: Trajectory,
-        ball: u32,
-        origin: Origin,
-        sibling: Id,
-        window: Window,
-    ) -> Id {
+    /// the piece.
+    fn pursue(&mut self, after: Trajectory, ball: u32, origin: Origin, window: Window) -> Id {
         let mut regions = std::mem::take(&mut self.regions);
         let mut pieces = std::mem::take(&mut self.pieces[LATER][0]);
         let region = &mut regions[0];
         let gas = self.gas(window);
         let own = (LATER, &mut pieces);
-        let id = region.begin(gas, after, ball, origin, sibling, own);
+        let id = region.begin(gas, after, ball, origin, own);
         region.list_ways(&gas);
         self.pieces[LATER][0] = pieces;
         let passages = std::mem::take(&mut region.outbox);

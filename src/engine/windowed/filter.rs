@@ -10,7 +10,6 @@ use std::f64::consts::PI;
 
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
-use super::pieces::NONE;
 use super::sheet::{Block, Columns, LANES, Row, Rows, Sheet};
 use crate::engine::turn::SIDE;
 #[cfg(target_arch = "x86_64")]
@@ -45,12 +44,15 @@ struct Limits {
     /// Largest distance of a contact point, as seen here, from the middle.
     off_middle: f32,
     contact_squared: f32,
+    /// Square of a distance at which any two pieces surely touch.
+    inside_squared: f32,
+    /// By how much the way between two pieces, and their relative velocity, may be wrong.
+    place_error: f32,
+    velocity_error: f32,
     /// Square of the largest distance from which two pieces can meet in a window.
     reach_squared: f32,
     /// Whether so few pairs are within reach that the first test asks for that alone.
     by_distance: bool,
-    /// Whether two pieces that begin at one meeting cannot meet again.
-    part_for_good: bool,
 }
 
 /// What the filter's margins are made from, in grid lengths.
@@ -58,14 +60,14 @@ struct Limits {
 pub struct Margins {
     /// Largest contact distance.
     pub contact: f64,
+    /// Smallest contact distance.
+    pub least_contact: f64,
     /// Largest distance of a contact point from the middle between the two centres.
     pub off_middle: f64,
     /// By how much a position may be wrong.
     pub position: f64,
     /// Widths of a cell.
     pub edges: [f32; 3],
-    /// Shortest way through a periodic box back to the same place.
-    pub around: f64,
     /// Largest speed of any piece.
     pub fastest: f32,
 }
@@ -88,8 +90,10 @@ impl Filter {
         self.margins = margins;
         let fastest = f64::from(margins.fastest);
         // Two positions, and two velocities for at most the window's length.
-        let contact =
-            margins.contact + 2.0 * margins.position + 4.0 * f64::from(f32::EPSILON) * fastest;
+        let velocity_error = 4.0 * f64::from(f32::EPSILON) * fastest;
+        let place_error = 2.0 * margins.position + velocity_error;
+        let contact = margins.contact + place_error;
+        let inside = (margins.least_contact - place_error).max(0.0);
         // A piece passes the cell in the window, so at its beginning it is no farther than it flies in it.
         let farthest: f64 = margins
             .edges
@@ -110,9 +114,11 @@ impl Filter {
             edges: margins.edges,
             off_middle: (margins.off_middle + 4.0 * margins.position) as f32,
             contact_squared: (contact * contact + ROUNDING * farthest) as f32,
+            inside_squared: (inside * inside - ROUNDING * farthest).max(0.0) as f32,
+            place_error: place_error as f32,
+            velocity_error: velocity_error as f32,
             reach_squared: ((1.0 + ROUNDING) * reach * reach) as f32,
             by_distance: within_reach < FEW_WITHIN_REACH * room,
-            part_for_good: reach + contact < margins.around,
         };
     }
 
@@ -354,8 +360,8 @@ fn pairs_that_pass<S: Simd>(
     found
 }
 
-/// Which pairs of pieces, whose lines touch, cannot do so within the window and within the cell, or belong to one ball or part from
-/// one another. In doubt they can.
+/// Which pairs of pieces, whose lines touch, cannot do so within the window, after both have begun and within the cell, or belong to
+/// one ball. In doubt they can.
 #[inline(always)]
 fn cannot_meet_here<S: Simd>(
     simd: S,
@@ -381,7 +387,8 @@ fn cannot_meet_here<S: Simd>(
     let closest = simd.neg_f32s(closest);
     // For a pair without a relative velocity these are no numbers, and nothing is rejected.
     let share = simd.mul_f32s(distance_squared, per_speed_squared);
-    let time_margin = simd.mul_f32s(simd.splat_f32s(TIME_ROUNDING), simd.sqrt_f32s(share));
+    let time_apart = simd.sqrt_f32s(share);
+    let time_margin = simd.mul_f32s(simd.splat_f32s(TIME_ROUNDING), time_apart);
     // No later than the contact.
     let before_squared = simd.sub_f32s(
         simd.mul_f32s(closest, closest),
@@ -395,12 +402,28 @@ fn cannot_meet_here<S: Simd>(
     let recede = simd.less_than_f32s(closest, simd.neg_f32s(time_margin));
     miss = simd.or_m32s(miss, simd.and_m32s(outside, recede));
     miss = simd.or_m32s(miss, simd.equal_u32s(one_of.ball, other_of.ball));
-    if limits.part_for_good {
-        let part = simd.and_m32s(
-            simd.equal_u32s(one_of.link, other_of.link),
-            simd.less_than_u32s(one_of.link, simd.splat_u32s(NONE)),
-        );
-        miss = simd.or_m32s(miss, part);
+    // No earlier than the contact, but for those that touch when the later one begins.
+    let inside = simd.sub_f32s(distance_squared, simd.splat_f32s(limits.inside_squared));
+    let before_squared = simd.sub_f32s(
+        simd.mul_f32s(closest, closest),
+        simd.mul_f32s(inside, per_speed_squared),
+    );
+    let before = simd.sqrt_f32s(simd.max_f32s(before_squared, zero));
+    let mut latest = simd.max_f32s(simd.sub_f32s(closest, before), touch);
+    // By how much the time may be wrong at which they are closest: by the rounding of what it is computed from, too.
+    let per_speed = simd.sqrt_f32s(per_speed_squared);
+    let error = simd.mul_add_e_f32s(
+        simd.splat_f32s(limits.velocity_error),
+        time_apart,
+        simd.splat_f32s(limits.place_error),
+    );
+    let error = simd.mul_f32s(error, per_speed);
+    let error = simd.add_f32s(error, simd.splat_f32s(f32::EPSILON));
+    let last = simd.add_f32s(closest, simd.add_f32s(error, time_margin));
+    for begin in [one_of.begin, other_of.begin] {
+        // Who recedes when the later one begins will never meet.
+        miss = simd.or_m32s(miss, simd.less_than_f32s(last, begin));
+        latest = simd.select_f32s(simd.less_than_f32s(latest, begin), begin, latest);
     }
     // The contact lies between the two times.
     for axis in 0..3 {
@@ -411,9 +434,9 @@ fn cannot_meet_here<S: Simd>(
         let least_margin = simd.splat_f32s(0.5 * limits.edges[axis] + limits.off_middle);
         let limit = simd.mul_add_e_f32s(time_margin, simd.abs_f32s(drift), least_margin);
         let at_touch = simd.mul_f32s(half, simd.mul_add_e_f32s(drift, touch, middle));
-        let at_closest = simd.mul_f32s(half, simd.mul_add_e_f32s(drift, closest, middle));
-        let least = simd.min_f32s(at_touch, at_closest);
-        let most = simd.max_f32s(at_touch, at_closest);
+        let at_latest = simd.mul_f32s(half, simd.mul_add_e_f32s(drift, latest, middle));
+        let least = simd.min_f32s(at_touch, at_latest);
+        let most = simd.max_f32s(at_touch, at_latest);
         let above = simd.greater_than_f32s(least, limit);
         let below = simd.less_than_f32s(most, simd.neg_f32s(limit));
         miss = simd.or_m32s(miss, simd.or_m32s(above, below));
@@ -556,7 +579,7 @@ mod tests {
                 contact_squared: 0.01,
                 reach_squared: 1e4,
                 by_distance,
-                part_for_good: true,
+                ..Limits::default()
             },
             hits: &mut Vec::new(),
             pairs: &mut pairs,

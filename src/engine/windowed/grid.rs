@@ -166,15 +166,6 @@ impl Grid {
         (2.0 * self.half_size * self.scale).max_element()
     }
 
-    /// Shortest way through a periodic box back to the same place, in grid lengths; infinite where there is none.
-    pub fn way_around(&self) -> f64 {
-        if self.lowest == 0 {
-            f64::INFINITY
-        } else {
-            (2.0 * self.half_size * self.scale).min_element()
-        }
-    }
-
     /// A position from the box's lower corner, in grid lengths.
     #[inline]
     pub fn to_grid(&self, position: DVec3) -> DVec3 {

@@ -51,6 +51,8 @@ pub struct Gas<'a> {
     pub numbering: Numbering,
     /// The window.
     pub window: Window,
+    /// Windows per epoch.
+    pub per_epoch: f64,
     /// Grid lengths per window for a length per epoch.
     pub speed_scale: f64,
     /// Where the cells are that a path touches.
@@ -78,6 +80,13 @@ impl Gas<'_> {
         let start = trajectory.position_at(self.window.begin);
         let velocity = trajectory.velocity * self.speed_scale;
         Line::new(self.grid.to_grid(start), velocity, ball)
+    }
+
+    /// Another piece as the filter sees it.
+    #[inline]
+    pub fn piece_line(&self, trajectory: &Trajectory, ball: u32) -> Line {
+        let begin = trajectory.begin.since(self.window.begin) * self.per_epoch;
+        self.line(trajectory, ball).beginning(begin)
     }
 
     /// How far a ball's centre gets along an axis, without sign.

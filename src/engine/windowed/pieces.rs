@@ -86,7 +86,8 @@ impl Numbering {
 
 /// A piece as the filter sees it, in f32: the straight line it lies on.
 ///
-/// A row of eight numbers, the whole ones by their bits: half a cache line, always moved as a whole.
+/// A row of eight numbers, the whole ones by their bits: half a cache line, always moved as a whole. The last number of a flight is
+/// its link, that of another piece its begin; taken for a begin, a link is no number ([`NONE`]) or as good as zero.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
 pub struct Line(pub [f32; SIDE]);
@@ -120,8 +121,7 @@ impl Line {
         self.0[6].to_bits()
     }
 
-    /// For a flight, the piece along which the ball goes on, [`NONE`] as long as it is the flight itself; for a piece that begins
-    /// at a meeting, what the two that begin there share and no others.
+    /// For a flight, the piece along which the ball goes on; [`NONE`] as long as it is the flight itself.
     #[inline(always)]
     pub fn link(&self) -> Id {
         self.0[7].to_bits()
@@ -131,6 +131,13 @@ impl Line {
     #[inline(always)]
     pub fn set_link(&mut self, link: Id) {
         self.0[7] = f32::from_bits(link);
+    }
+
+    /// The same for a piece that is no flight, which begins then, in windows from the beginning of the window.
+    #[inline(always)]
+    pub fn beginning(mut self, begin: f64) -> Self {
+        self.0[7] = begin as f32;
+        self
     }
 
     /// The same elsewhere.

@@ -218,7 +218,7 @@ impl Region {
                     trajectory,
                     (ball(flight), flight),
                     |number, after| {
-                        let line = gas.line(after, ball(flight));
+                        let line = gas.piece_line(after, ball(flight));
                         let place = firsts.push(*after, line, Origin::of_flight(flight));
                         gas.numbering.id(FIRST, number, place)
                     },
@@ -344,21 +344,19 @@ impl Region {
         meeting::sort(&mut self.meetings, span, &mut self.spare);
     }
 
-    /// Adds a ball's piece that begins at a meeting and those that follow it to `own`; gives the piece. `sibling` is the one that
-    /// begins there too, if it has been added. They are still to be listed, with [`Self::list_ways`].
+    /// Adds a ball's piece that begins at a meeting and those that follow it to `own`; gives the piece. They are still to be listed,
+    /// with [`Self::list_ways`].
     pub fn begin(
         &mut self,
         gas: Gas,
         trajectory: Trajectory,
         ball: u32,
         origin: Origin,
-        sibling: Id,
         (kind, own): Own,
     ) -> Id {
-        let mut line = gas.line(&trajectory, ball);
+        let line = gas.piece_line(&trajectory, ball);
         self.filter.allow(line.speed());
         let id = gas.numbering.id(kind, self.number, own.lines.len());
-        line.set_link(if sibling == NONE { id } else { sibling });
         own.push(trajectory, line, origin);
         let further = Origin {
             parents: [NONE; 2],
@@ -366,7 +364,7 @@ impl Region {
         };
         let owner = origin.owner;
         self.trace(gas, id, trajectory, (ball, owner), |number, after| {
-            let line = gas.line(after, ball);
+            let line = gas.piece_line(after, ball);
             gas.numbering
                 .id(kind, number, own.push(*after, line, further))
         });
@@ -496,7 +494,6 @@ impl Region {
                             parents: ids,
                             generation: candidate.generation + 1,
                         },
-                        meeting.next[0],
                         (*kind, pieces),
                     );
                 }

@@ -41,7 +41,8 @@ pub struct Columns<S: Simd> {
     pub position: [S::f32s; 3],
     pub velocity: [S::f32s; 3],
     pub ball: S::u32s,
-    pub link: S::u32s,
+    /// Of a flight no number, or as good as zero.
+    pub begin: S::f32s,
 }
 
 impl Block {
@@ -59,15 +60,12 @@ impl Block {
     #[inline(always)]
     pub fn columns<S: Simd>(&self, _simd: S, vector: usize) -> Columns<S> {
         let column = |column: usize| S::as_simd_f32s(&self.0[column]).0[vector];
-        let numbers = |column: usize| {
-            let numbers: &[u32; LANES] = bytemuck::cast_ref(&self.0[column]);
-            S::as_simd_u32s(numbers).0[vector]
-        };
+        let balls: &[u32; LANES] = bytemuck::cast_ref(&self.0[6]);
         Columns {
             position: [column(0), column(1), column(2)],
             velocity: [column(3), column(4), column(5)],
-            ball: numbers(6),
-            link: numbers(7),
+            ball: S::as_simd_u32s(balls).0[vector],
+            begin: column(7),
         }
     }
 }

@@ -51,7 +51,9 @@ struct Limits {
     velocity_error: f32,
     /// Square of the largest distance from which two pieces can meet in a window.
     reach_squared: f32,
-    /// Whether so few pairs are within reach that the first test asks for that alone.
+    /// Least `r . v` of two pieces within reach that surely recede.
+    receding: f32,
+    /// Whether so few pairs are within reach that the first test asks for that and not whether their lines touch.
     by_distance: bool,
 }
 
@@ -118,6 +120,8 @@ impl Filter {
             place_error: place_error as f32,
             velocity_error: velocity_error as f32,
             reach_squared: ((1.0 + ROUNDING) * reach * reach) as f32,
+            receding: (2.0 * fastest * (place_error + ROUNDING * reach) + velocity_error * reach)
+                as f32,
             by_distance: within_reach < FEW_WITHIN_REACH * room,
         };
     }
@@ -225,6 +229,7 @@ impl<P: Rows> WithSimd for Find<'_, P> {
         let Limits {
             contact_squared,
             reach_squared,
+            receding,
             by_distance,
             ..
         } = self.limits;
@@ -232,7 +237,10 @@ impl<P: Rows> WithSimd for Find<'_, P> {
         // What is listed later begins at a collision for the most part, where its line touches those of its own ball.
         let later = first > 1;
         let found = if by_distance {
-            let test = WithinReach::<S>(simd.splat_f32s(reach_squared));
+            let test = WithinReach::<S> {
+                reach_squared: simd.splat_f32s(reach_squared),
+                least_approach: simd.splat_f32s(-receding),
+            };
             if later {
                 pairs_that_pass(simd, sheet, first, self.hits, &OfTwoBalls(test))
             } else {
@@ -487,14 +495,21 @@ impl<S: Simd, T: Test<S>> Test<S> for OfTwoBalls<T> {
     }
 }
 
-/// Are they near enough for meeting in the window? By the square of the largest distance.
-struct WithinReach<S: Simd>(S::f32s);
+/// Are they near enough for meeting in the window, and do they not recede?
+struct WithinReach<S: Simd> {
+    reach_squared: S::f32s,
+    /// Least `- r . v` of those that may approach.
+    least_approach: S::f32s,
+}
 
 impl<S: Simd> Test<S> for WithinReach<S> {
     #[inline(always)]
     fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
         let apart = difference(simd, columns.position, splat(simd, row.position()));
-        simd.less_than_f32s(dot(simd, apart, apart), self.0)
+        let velocity = difference(simd, splat(simd, row.velocity()), columns.velocity);
+        let near = simd.less_than_f32s(dot(simd, apart, apart), self.reach_squared);
+        let approach = simd.greater_than_f32s(dot(simd, apart, velocity), self.least_approach);
+        simd.and_m32s(near, approach)
     }
 }
 

@@ -562,8 +562,11 @@ mod tests {
     use pulp::{Scalar, Scalar128b, Scalar256b, Scalar512b};
 
     use glam::DVec3;
+    use rand::{RngExt, SeedableRng};
+    use rand_xoshiro::Xoshiro256PlusPlus;
 
     use super::*;
+    use crate::collision::approach_time;
     use crate::engine::windowed::grid::Entry;
 
     /// Pieces on a line that all fly towards its middle, so that the lines of any two touch and they meet there.
@@ -620,6 +623,87 @@ mod tests {
                     assert_eq!(pairs(Scalar512b, count, first, by_distance), all);
                 }
             }
+        }
+    }
+
+    /// Two pieces.
+    struct Pair([Row; 2]);
+
+    impl Rows for Pair {
+        fn entries(&self) -> &[Entry] {
+            &[0, 1]
+        }
+
+        fn row(&self, entry: Entry) -> Row {
+            self.0[entry as usize]
+        }
+    }
+
+    #[test]
+    fn nearly_those_pairs_are_found_that_meet_after_both_have_begun() {
+        const CONTACT: f64 = 0.1;
+        const EDGE: f64 = 1.0;
+        let place = DVec3::splat(20.0);
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(11);
+        for reach in [0.05, 2.0] {
+            let mut filter = Filter::default();
+            filter.begin_window(Margins {
+                contact: CONTACT,
+                least_contact: CONTACT,
+                off_middle: 0.0,
+                position: f64::from(f32::EPSILON) * 24.0,
+                edges: [EDGE as f32; 3],
+                fastest: 2.0 * reach as f32,
+            });
+            let (mut meet, mut found) = (0, 0);
+            for _ in 0..40_000 {
+                let mut vector = |size: f64| {
+                    DVec3::from_array(std::array::from_fn(|_| random.random_range(-size..size)))
+                };
+                // They touch near the cell's middle, now and then without approaching each other, at a time around the window.
+                let [velocity, mut other_velocity] = [vector(reach), vector(reach)];
+                let normal = vector(1.0).normalize();
+                let point = place + vector(0.55 * EDGE);
+                let begins: [f64; 2] = std::array::from_fn(|_| random.random_range(0.0..0.9));
+                let later = begins[0].max(begins[1]);
+                let touch = match random.random_range(0..4) {
+                    0 => later,
+                    _ => random.random_range(-0.2..1.1),
+                };
+                if random.random_range(0..4) == 0 {
+                    // Like two pieces of which one began when the other was hit.
+                    let along = (velocity - other_velocity).dot(normal);
+                    other_velocity += normal * along;
+                }
+                let middle = 0.5 * CONTACT * normal;
+                let starts = [
+                    point + middle - velocity * touch,
+                    point - middle - other_velocity * touch,
+                ];
+                let row = |one: usize, velocity| {
+                    Row::new(starts[one], velocity, one as u32).beginning(begins[one])
+                };
+                let rows = [row(0, velocity), row(1, other_velocity)];
+                let pairs = filter.find(&mut Sheet::default(), Pair(rows), 1, [20.0; 3]);
+                let kept = !pairs.is_empty();
+
+                let relative = velocity - other_velocity;
+                let separation = starts[0] - starts[1] + relative * later;
+                let time = approach_time(separation, relative, CONTACT);
+                let meets_here = time.is_some_and(|time| {
+                    let time = later + time;
+                    let [one, other] = [
+                        starts[0] + velocity * time,
+                        starts[1] + other_velocity * time,
+                    ];
+                    let apart = (0.5 * (one + other) - place).abs().max_element();
+                    time <= 1.0 && apart <= 0.5 * EDGE
+                });
+                assert!(kept || !meets_here, "{rows:?}");
+                meet += usize::from(meets_here);
+                found += usize::from(kept);
+            }
+            assert!(meet > 5_000 && found < meet + meet / 3, "{meet} {found}");
         }
     }
 }

@@ -102,3 +102,87 @@ impl WithSimd for Pass<'_> {
         pass(&block, self.gas.offsets, ids, self.passages, |_, _| false)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_xoshiro::Xoshiro256PlusPlus;
+
+    use super::*;
+    use crate::domain::{Boundary, Domain};
+    use crate::engine::windowed::Windowed;
+    use crate::state::{Body, Placement, State};
+
+    /// Balls on a lattice that moves.
+    fn crystal(boundary: Boundary) -> Placement {
+        let sites = (0..12_i32.pow(3)).map(|site| [site / 144, site / 12 % 12, site % 12]);
+        let positions: Vec<DVec3> = sites
+            .map(|site| DVec3::from_array(site.map(|step| 1.5 * f64::from(step) - 8.25)))
+            .collect();
+        Placement {
+            domain: Domain {
+                boundary,
+                ..Domain::container(DVec3::splat(9.0))
+            },
+            center: DVec3::ZERO,
+            bodies: vec![Body {
+                radius: 0.5,
+                mass: 1.0,
+            }],
+            body_of: Vec::new(),
+            velocities: vec![DVec3::ONE; positions.len()],
+            positions,
+        }
+    }
+
+    #[test]
+    fn ways_pass_the_cells_that_they_reach_into_and_hardly_any_others() {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(3);
+        for boundary in [Boundary::Container, Boundary::Periodic] {
+            let engine = Windowed::with_regions(State::new(&crystal(boundary)), 1);
+            let gas = engine.gas(engine.next_window());
+            let radius = gas.body(0).radius;
+            let limit = gas.state.domain.half_size
+                - match boundary {
+                    Boundary::Container => radius,
+                    _ => 0.0,
+                };
+            let mut vector = |size: DVec3| {
+                let drawn: [f64; 3] = std::array::from_fn(|_| random.random_range(-1.0..1.0));
+                DVec3::from_array(drawn) * size
+            };
+            let mut ends = Vec::new();
+            for size in [0.5, 1.0, 3.0] {
+                // From and to inside, some of them at a wall.
+                ends.extend((0..300).map(|_| {
+                    let from = vector(1.2 * limit).clamp(-limit, limit);
+                    let to = from + vector(size * gas.grid.width());
+                    [from, to.clamp(-limit, limit)]
+                }));
+            }
+            let mut ways = Ways::default();
+            for (&ends, id) in ends.iter().zip(0..) {
+                ways.add(&gas, id, ends, radius);
+            }
+            assert!(!ways.of_longer.is_empty() && ways.lines.len() > 600);
+            let mut passed = vec![Vec::new(); ends.len()];
+            ways.visit(&gas, |target, id| passed[id as usize].push(target));
+            for ([from, to], mut passed) in ends.into_iter().zip(passed) {
+                passed.sort_unstable();
+                let on_way = |radius: f64| {
+                    let mut targets = Vec::new();
+                    let visit = |target| targets.push(target);
+                    gas.grid.for_each_on_way(from, to, radius, visit);
+                    targets.sort_unstable();
+                    targets
+                };
+                let wider = on_way(radius + 2.0 * gas.slack / gas.grid.scale);
+                assert!(on_way(radius).iter().all(|target| passed.contains(target)));
+                assert!(passed.iter().all(|target| wider.contains(target)));
+                assert!(passed.is_sorted_by(|one, next| one < next));
+            }
+            // All is forgotten.
+            ways.visit(&gas, |_, _| unreachable!());
+        }
+    }
+}

@@ -6,25 +6,15 @@
 //!
 //! All is in grid lengths and windows: the window lasts from time 0 to time 1.
 
-use std::f64::consts::PI;
-
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
-use super::sheet::{Block, Columns, LANES, Row, Rows, Sheet};
+use super::questions::{
+    Limits, LinesTouch, Margins, OfTwoBalls, Test, WithinReach, cannot_meet_here,
+};
+use super::sheet::{Block, LANES, Rows, Sheet};
 use crate::engine::turn::SIDE;
 #[cfg(target_arch = "x86_64")]
 use crate::engine::turn::as_v3;
-
-/// Share of `|r|^2 |v|^2` by which f32 rounding can change `(r . v)^2 - |v|^2 |r|^2`: some twenty roundings of 2^-24 each at
-/// the most, with a margin.
-const ROUNDING: f64 = 2.5e-6;
-
-/// Rounding of the times `r . v / v^2`, as a share of `|r| / |v|`: some eight roundings of 2^-24, with a margin.
-const TIME_ROUNDING: f32 = 1e-6;
-
-/// Share of a cell's pairs that are within reach of each other up to which it pays to ask for nothing else at first; measured, and
-/// flat around.
-const FEW_WITHIN_REACH: f64 = 0.2;
 
 /// The filter.
 #[derive(Clone, Debug)]
@@ -34,44 +24,6 @@ pub struct Filter {
     pairs: Vec<(u32, u32)>,
     margins: Margins,
     limits: Limits,
-}
-
-/// What the filter compares with, margins included, in grid lengths.
-#[derive(Clone, Copy, Debug, Default)]
-struct Limits {
-    /// Widths of a cell.
-    edges: [f32; 3],
-    /// Largest distance of a contact point, as seen here, from the middle.
-    off_middle: f32,
-    contact_squared: f32,
-    /// Square of a distance at which any two pieces surely touch.
-    inside_squared: f32,
-    /// By how much the way between two pieces, and their relative velocity, may be wrong.
-    place_error: f32,
-    velocity_error: f32,
-    /// Square of the largest distance from which two pieces can meet in a window.
-    reach_squared: f32,
-    /// Least `r . v` of two pieces within reach that surely recede.
-    receding: f32,
-    /// Whether so few pairs are within reach that the first test asks for that and not whether their lines touch.
-    by_distance: bool,
-}
-
-/// What the filter's margins are made from, in grid lengths.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Margins {
-    /// Largest contact distance.
-    pub contact: f64,
-    /// Smallest contact distance.
-    pub least_contact: f64,
-    /// Largest distance of a contact point from the middle between the two centres.
-    pub off_middle: f64,
-    /// By how much a position may be wrong.
-    pub position: f64,
-    /// Widths of a cell.
-    pub edges: [f32; 3],
-    /// Largest speed of any piece.
-    pub fastest: f32,
 }
 
 impl Default for Filter {
@@ -90,40 +42,7 @@ impl Filter {
     /// Begins a window.
     pub fn begin_window(&mut self, margins: Margins) {
         self.margins = margins;
-        let fastest = f64::from(margins.fastest);
-        // Two positions, and two velocities for at most the window's length.
-        let velocity_error = 4.0 * f64::from(f32::EPSILON) * fastest;
-        let place_error = 2.0 * margins.position + velocity_error;
-        let contact = margins.contact + place_error;
-        let inside = (margins.least_contact - place_error).max(0.0);
-        // A piece passes the cell in the window, so at its beginning it is no farther than it flies in it.
-        let farthest: f64 = margins
-            .edges
-            .iter()
-            .map(|&edge| {
-                let apart = f64::from(edge) + margins.contact + 2.0 * fastest;
-                apart * apart
-            })
-            .sum();
-        let reach = contact + 2.0 * fastest;
-        let within_reach = 4.0 / 3.0 * PI * reach.powi(3);
-        let room: f64 = margins
-            .edges
-            .iter()
-            .map(|&edge| f64::from(edge) + margins.contact)
-            .product();
-        self.limits = Limits {
-            edges: margins.edges,
-            off_middle: (margins.off_middle + 4.0 * margins.position) as f32,
-            contact_squared: (contact * contact + ROUNDING * farthest) as f32,
-            inside_squared: (inside * inside - ROUNDING * farthest).max(0.0) as f32,
-            place_error: place_error as f32,
-            velocity_error: velocity_error as f32,
-            reach_squared: ((1.0 + ROUNDING) * reach * reach) as f32,
-            receding: (2.0 * fastest * (place_error + ROUNDING * reach) + velocity_error * reach)
-                as f32,
-            by_distance: within_reach < FEW_WITHIN_REACH * room,
-        };
+        self.limits = Limits::new(margins);
     }
 
     /// Allows for a piece as fast as this.
@@ -368,171 +287,6 @@ fn pairs_that_pass<S: Simd>(
     found
 }
 
-/// Which pairs of pieces, whose lines touch, cannot do so within the window, after both have begun and within the cell, or belong to
-/// one ball. In doubt they can.
-#[inline(always)]
-fn cannot_meet_here<S: Simd>(
-    simd: S,
-    ones: &Block,
-    others: &Block,
-    vector: usize,
-    (middle, limits): ([f32; 3], Limits),
-) -> S::m32s {
-    let (zero, one, half) = (
-        simd.splat_f32s(0.0),
-        simd.splat_f32s(1.0),
-        simd.splat_f32s(0.5),
-    );
-    let [one_of, other_of] = [ones, others].map(|block| block.columns(simd, vector));
-    let (position, other_position) = (one_of.position, other_of.position);
-    let (velocity, other_velocity) = (one_of.velocity, other_of.velocity);
-    let apart = difference(simd, position, other_position);
-    let relative = difference(simd, velocity, other_velocity);
-    let per_speed_squared = simd.div_f32s(one, dot(simd, relative, relative));
-    let distance_squared = dot(simd, apart, apart);
-    let beyond = simd.sub_f32s(distance_squared, simd.splat_f32s(limits.contact_squared));
-    let closest = simd.mul_f32s(dot(simd, apart, relative), per_speed_squared);
-    let closest = simd.neg_f32s(closest);
-    // For a pair without a relative velocity these are no numbers, and nothing is rejected.
-    let share = simd.mul_f32s(distance_squared, per_speed_squared);
-    let time_apart = simd.sqrt_f32s(share);
-    let time_margin = simd.mul_f32s(simd.splat_f32s(TIME_ROUNDING), time_apart);
-    // No later than the contact.
-    let before_squared = simd.sub_f32s(
-        simd.mul_f32s(closest, closest),
-        simd.mul_f32s(beyond, per_speed_squared),
-    );
-    let before = simd.sqrt_f32s(simd.max_f32s(before_squared, zero));
-    let touch = simd.max_f32s(simd.sub_f32s(closest, before), zero);
-    let mut miss = simd.greater_than_f32s(touch, simd.add_f32s(one, time_margin));
-    // Who is not within the contact distance yet and recedes will never be.
-    let outside = simd.greater_than_f32s(beyond, zero);
-    let recede = simd.less_than_f32s(closest, simd.neg_f32s(time_margin));
-    miss = simd.or_m32s(miss, simd.and_m32s(outside, recede));
-    miss = simd.or_m32s(miss, simd.equal_u32s(one_of.ball, other_of.ball));
-    // No earlier than the contact, but for those that touch when the later one begins.
-    let inside = simd.sub_f32s(distance_squared, simd.splat_f32s(limits.inside_squared));
-    let before_squared = simd.sub_f32s(
-        simd.mul_f32s(closest, closest),
-        simd.mul_f32s(inside, per_speed_squared),
-    );
-    let before = simd.sqrt_f32s(simd.max_f32s(before_squared, zero));
-    let mut latest = simd.max_f32s(simd.sub_f32s(closest, before), touch);
-    // By how much the time may be wrong at which they are closest: by the rounding of what it is computed from, too.
-    let per_speed = simd.sqrt_f32s(per_speed_squared);
-    let error = simd.mul_add_e_f32s(
-        simd.splat_f32s(limits.velocity_error),
-        time_apart,
-        simd.splat_f32s(limits.place_error),
-    );
-    let error = simd.mul_f32s(error, per_speed);
-    let error = simd.add_f32s(error, simd.splat_f32s(f32::EPSILON));
-    let last = simd.add_f32s(closest, simd.add_f32s(error, time_margin));
-    for begin in [one_of.begin, other_of.begin] {
-        // Who recedes when the later one begins will never meet.
-        miss = simd.or_m32s(miss, simd.less_than_f32s(last, begin));
-        latest = simd.select_f32s(simd.less_than_f32s(latest, begin), begin, latest);
-    }
-    // The contact lies between the two times.
-    for axis in 0..3 {
-        let here = simd.splat_f32s(middle[axis]);
-        let place = |position: S::f32s| simd.sub_f32s(position, here);
-        let middle = simd.add_f32s(place(position[axis]), place(other_position[axis]));
-        let drift = simd.add_f32s(velocity[axis], other_velocity[axis]);
-        let least_margin = simd.splat_f32s(0.5 * limits.edges[axis] + limits.off_middle);
-        let limit = simd.mul_add_e_f32s(time_margin, simd.abs_f32s(drift), least_margin);
-        let at_touch = simd.mul_f32s(half, simd.mul_add_e_f32s(drift, touch, middle));
-        let at_latest = simd.mul_f32s(half, simd.mul_add_e_f32s(drift, latest, middle));
-        let least = simd.min_f32s(at_touch, at_latest);
-        let most = simd.max_f32s(at_touch, at_latest);
-        let above = simd.greater_than_f32s(least, limit);
-        let below = simd.less_than_f32s(most, simd.neg_f32s(limit));
-        miss = simd.or_m32s(miss, simd.or_m32s(above, below));
-    }
-    miss
-}
-
-#[inline(always)]
-fn difference<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> [S::f32s; 3] {
-    [
-        simd.sub_f32s(a[0], b[0]),
-        simd.sub_f32s(a[1], b[1]),
-        simd.sub_f32s(a[2], b[2]),
-    ]
-}
-
-/// Three numbers, each in all lanes.
-#[inline(always)]
-fn splat<S: Simd>(simd: S, a: [f32; 3]) -> [S::f32s; 3] {
-    [
-        simd.splat_f32s(a[0]),
-        simd.splat_f32s(a[1]),
-        simd.splat_f32s(a[2]),
-    ]
-}
-
-#[inline(always)]
-fn dot<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> S::f32s {
-    let sum = simd.mul_f32s(a[0], b[0]);
-    let sum = simd.mul_add_e_f32s(a[1], b[1], sum);
-    simd.mul_add_e_f32s(a[2], b[2], sum)
-}
-
-/// What all pairs of a row and of columns are asked first.
-trait Test<S: Simd> {
-    /// Which of them may meet, as far as this tells.
-    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s;
-}
-
-/// Do they belong to two balls, and do they pass another test?
-struct OfTwoBalls<T>(T);
-
-impl<S: Simd, T: Test<S>> Test<S> for OfTwoBalls<T> {
-    #[inline(always)]
-    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
-        let one_ball = simd.equal_u32s(columns.ball, simd.splat_u32s(row.ball()));
-        simd.and_m32s(self.0.passes(simd, row, columns), simd.not_m32s(one_ball))
-    }
-}
-
-/// Are they near enough for meeting in the window, and do they not recede?
-struct WithinReach<S: Simd> {
-    reach_squared: S::f32s,
-    /// Least `- r . v` of those that may approach.
-    least_approach: S::f32s,
-}
-
-impl<S: Simd> Test<S> for WithinReach<S> {
-    #[inline(always)]
-    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
-        let apart = difference(simd, columns.position, splat(simd, row.position()));
-        let velocity = difference(simd, splat(simd, row.velocity()), columns.velocity);
-        let near = simd.less_than_f32s(dot(simd, apart, apart), self.reach_squared);
-        let approach = simd.greater_than_f32s(dot(simd, apart, velocity), self.least_approach);
-        simd.and_m32s(near, approach)
-    }
-}
-
-/// Do their lines touch, and do they approach each other? By minus the square of the contact distance.
-struct LinesTouch<S: Simd>(S::f32s);
-
-impl<S: Simd> Test<S> for LinesTouch<S> {
-    #[inline(always)]
-    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
-        let apart = difference(simd, columns.position, splat(simd, row.position()));
-        let velocity = difference(simd, splat(simd, row.velocity()), columns.velocity);
-        // Positive if they approach.
-        let approach = dot(simd, apart, velocity);
-        let beyond = simd.mul_add_e_f32s(apart[0], apart[0], self.0);
-        let beyond = simd.mul_add_e_f32s(apart[1], apart[1], beyond);
-        let beyond = simd.mul_add_e_f32s(apart[2], apart[2], beyond);
-        let speed = dot(simd, velocity, velocity);
-        // (r . v)^2 against |v|^2 (|r|^2 - contact^2).
-        let closeness = simd.mul_f32s(approach, simd.max_f32s(approach, simd.splat_f32s(0.0)));
-        simd.less_than_f32s(simd.mul_f32s(speed, beyond), closeness)
-    }
-}
-
 /// A comparison's outcome as a number with a bit for each lane.
 #[inline(always)]
 fn lanes_of<S: Simd>(simd: S, mask: S::m32s) -> u64 {
@@ -568,6 +322,7 @@ mod tests {
     use super::*;
     use crate::collision::approach_time;
     use crate::engine::windowed::grid::Entry;
+    use crate::engine::windowed::sheet::Row;
 
     /// Pieces on a line that all fly towards its middle, so that the lines of any two touch and they meet there.
     struct Crowd(Vec<Entry>);

@@ -9,12 +9,13 @@ use glam::DVec3;
 use prefetch_index::prefetch_index;
 use pulp::Arch;
 
-use super::filter::{Filter, Margins};
+use super::filter::Filter;
 use super::grid::{Census, Entry, Lists};
 use super::listing::{Flights, Listing};
 use super::meeting::{self, Meeting};
 use super::paths::Gas;
 use super::pieces::{FIRST, Id, Line, NONE, Origin, Piece, Pieces};
+use super::questions::Margins;
 use super::scratch::Scratch;
 use super::sheet::Sheet;
 use super::shelves::{Images, Passers, Shelves, View};

@@ -18,6 +18,24 @@ pub fn slope(points: &[(f64, f64)]) -> f64 {
     products / squares
 }
 
+/// Slope of a straight line through at least three points, by least squares, and its standard error from how the points scatter
+/// about the line.
+///
+/// Source: derived here.
+pub fn slope_and_error(points: &[(f64, f64)]) -> (f64, f64) {
+    let slope = slope(points);
+    let count = points.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
+    let (x, y) = (mean(|point| point.0), mean(|point| point.1));
+    let (mut residues, mut squares) = (0.0, 0.0);
+    for point in points {
+        let residue = point.1 - y - slope * (point.0 - x);
+        residues += residue * residue;
+        squares += (point.0 - x) * (point.0 - x);
+    }
+    (slope, (residues / ((count - 2.0) * squares)).sqrt())
+}
+
 /// Exponent of a power law through points, by least squares of the logarithms; `None` for fewer than two.
 pub fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     let logarithms: Vec<_> = points
@@ -54,6 +72,16 @@ pub fn extent(values: &[f64]) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_error_of_a_slope_comes_from_the_scatter_about_the_line() {
+        let line = [0.0, 1.0, 2.0].map(|x: f64| (x, 1.0 + 2.0 * x));
+        assert_eq!(slope_and_error(&line), (2.0, 0.0));
+        // Residues 1/6, -1/3, 1/6; sum of squares 1/6, over one degree of freedom and a sum of squares of x of 2.
+        let (slope, error) = slope_and_error(&[(0.0, 0.0), (1.0, 0.0), (2.0, 1.0)]);
+        assert!((slope - 0.5).abs() < 1e-15);
+        assert!((error - (1.0_f64 / 12.0).sqrt()).abs() < 1e-15);
+    }
 
     #[test]
     fn a_power_law_has_its_exponent_and_the_middle_is_in_the_middle() {

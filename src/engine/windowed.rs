@@ -31,14 +31,13 @@ mod region;
 mod scratch;
 mod sheet;
 mod shelves;
+mod sorting;
+mod team;
 mod touch;
 mod tuning;
 mod ways;
 
 use std::collections::BinaryHeap;
-
-use glam::DVec3;
-use prefetch_index::prefetch_index;
 
 use crate::engine::contact::InstantWatch;
 use crate::engine::{Counters, Engine, Saved, Stuck, Tally};
@@ -46,13 +45,14 @@ use crate::event::Collision;
 use crate::state::{Placement, State, Time};
 use grid::Grid;
 use listing::Flights;
-use meeting::Meeting;
+use meeting::{Agenda, Meeting};
 use paths::{Gas, Window};
-use pieces::{FRESH, LATER, Line, MOST_REGIONS, NONE, Numbering, Past, Piece, Pieces};
+use pieces::{FRESH, LATER, Line, MOST_REGIONS, Numbering, Past, Pieces};
 use questions::Margins;
 use region::Region;
 use scratch::Scratch;
 use shelves::Shelves;
+use team::Team;
 use touch::Offsets;
 use tuning::Work;
 
@@ -65,12 +65,6 @@ const MOST_PER_WINDOW: usize = 4;
 /// Fewest balls for a thread: it must have enough to do to be worth starting.
 const BALLS_PER_THREAD: usize = 10_000;
 
-/// Balls whose speeds are summed up together.
-const BALLS_AT_ONCE: usize = 1 << 14;
-
-/// How many flights before its turn the memory of a flight is asked for.
-const FLIGHTS_AHEAD: usize = 16;
-
 /// The windowed engine.
 #[derive(Clone, Debug)]
 pub struct Windowed {
@@ -78,6 +72,7 @@ pub struct Windowed {
     grid: Grid,
     offsets: Offsets,
     numbering: Numbering,
+    team: Team,
     regions: Vec<Region>,
     /// Every flight as the filter sees it, sorted.
     lines: Vec<Line>,
@@ -103,9 +98,8 @@ pub struct Windowed {
     work: Work,
     /// Whether the windows before that were worth their work.
     paying: bool,
-    /// Meetings found before the window's commits began, in order, and how many of them are done.
-    meetings: Scratch<Meeting>,
-    done: usize,
+    /// Meetings found before the window's commits began, but for those that are done.
+    agenda: Agenda,
     /// Meetings of pieces that began during the commits.
     follow_ups: BinaryHeap<Meeting>,
     /// Meetings of the instant that has been reached which were not valid when their turn came.
@@ -221,6 +215,7 @@ impl Windowed {
             offsets: Offsets::new(grid.strides),
             grid,
             numbering: Numbering::new(region_count),
+            team: Team::new(region_count),
             regions: vec![Region::default(); region_count],
             lines: Vec::new(),
             radii: Vec::new(),
@@ -238,8 +233,7 @@ impl Windowed {
             paying: true,
             turns: 0,
             fastest: 0.0,
-            meetings: Scratch::default(),
-            done: 0,
+            agenda: Agenda::new(region_count),
             follow_ups: BinaryHeap::new(),
             put_off: Vec::new(),
             instants: InstantWatch::default(),
@@ -285,114 +279,6 @@ impl Windowed {
         f64::from(f32::EPSILON) * f64::from(WINDOWS_PER_SORT + 4) * extent
     }
 
-    /// Sorts the balls along the curve through the cells, by where they are at the present, cuts the curve into regions of
-    /// about as many balls each, and makes all lines from the exact flights.
-    fn sort(&mut self) {
-        let share = f32::from(self.behind);
-        let cell_of = |line: &Line| {
-            let line = match self.numbering.piece(line.link()) {
-                _ if line.link() == NONE => line,
-                Piece::Other(kind, region, place) => &self.pieces[kind][region].lines[place],
-                Piece::Flight(_) => unreachable!("a ball leaves its flight along another piece"),
-            };
-            let (position, velocity) = (line.position(), line.velocity());
-            let position = std::array::from_fn(|axis| position[axis] + share * velocity[axis]);
-            self.grid.cell_at(position) as u32
-        };
-        let threads = self.regions.len();
-        let mut cells = vec![0; self.lines.len()];
-        let share = self.lines.len().div_ceil(threads);
-        let chunks = self.lines.chunks(share);
-        side_by_side(chunks.zip(cells.chunks_mut(share)), |(lines, cells)| {
-            for (line, cell) in lines.iter().zip(cells) {
-                *cell = cell_of(line);
-            }
-        });
-        let mut places = vec![0_u32; self.grid.cell_count() + 1];
-        for &cell in &cells {
-            places[cell as usize + 1] += 1;
-        }
-        for cell in 1..places.len() {
-            places[cell] += places[cell - 1];
-        }
-        let (count, region_count) = (self.lines.len(), self.regions.len());
-        let cut = |region: usize| {
-            let balls = (count * region / region_count) as u32;
-            if region == region_count {
-                self.grid.cell_count()
-            } else {
-                places.partition_point(|&place| place < balls)
-            }
-        };
-        let cuts: Vec<usize> = (0..=region_count).map(cut).collect();
-        for (number, region) in self.regions.iter_mut().enumerate() {
-            let (first, end) = (cuts[number], cuts[number + 1]);
-            region.reset(number, first..end, &places[first..=end]);
-        }
-        let mut balls = vec![0_u32; count];
-        for (line, &cell) in self.lines.iter().zip(&cells) {
-            let place = &mut places[cell as usize];
-            balls[*place as usize] = line.ball();
-            *place += 1;
-        }
-        drop((cells, places));
-        self.tune();
-
-        let mut lines = std::mem::take(&mut self.lines);
-        let gas = self.gas(self.next_window());
-        let mut fastest = vec![0.0; threads];
-        let shares = self.regions.iter().zip(shares(&mut lines, &self.regions));
-        side_by_side(shares.zip(&mut fastest), |((region, lines), fastest)| {
-            let balls = &balls[region.flights.clone()];
-            for (index, (line, &ball)) in lines.iter_mut().zip(balls).enumerate() {
-                if let Some(&ahead) = balls.get(index + FLIGHTS_AHEAD) {
-                    prefetch_index(&gas.state.trajectories, ahead as usize);
-                }
-                *line = gas.line(&gas.state.trajectories[ball as usize], ball);
-                *fastest = line.speed().max(*fastest);
-            }
-        });
-        if self.state.bodies.uniform().is_none() {
-            let radius = |line: &Line| (gas.body(line.ball()).radius * self.grid.scale) as f32;
-            self.radii = lines.iter().map(radius).collect();
-        }
-        self.fastest = fastest.into_iter().fold(0.0, f32::max);
-        self.lines = lines;
-        self.behind = false;
-        self.windows_since_sort = 0;
-    }
-
-    /// Chooses the length of the windows until the next sorting, from the state and from counts alone.
-    fn tune(&mut self) {
-        let count = self.lines.len() as f64;
-        // Sums of so many balls each: rounding must not depend on the number of threads.
-        let mut squares = vec![0.0; self.lines.len().div_ceil(BALLS_AT_ONCE)];
-        let share = squares.len().div_ceil(self.regions.len());
-        let flights = self.state.trajectories.chunks(share * BALLS_AT_ONCE);
-        side_by_side(flights.zip(squares.chunks_mut(share)), |(flights, sums)| {
-            for (flights, sum) in flights.chunks(BALLS_AT_ONCE).zip(sums) {
-                let velocities = flights.iter().map(|flight| flight.velocity);
-                *sum = velocities.map(DVec3::length_squared).sum();
-            }
-        });
-        let squares: f64 = squares.iter().sum();
-        let deviation = (squares / (3.0 * count)).sqrt();
-        let (then, before) = self.last_sort;
-        self.last_sort = (self.state.now, self.counters.pair_collisions);
-        let elapsed = self.state.now.since(then);
-        let rate = if elapsed > 0.0 {
-            2.0 * (self.counters.pair_collisions - before) as f64 / (count * elapsed)
-        } else {
-            0.0
-        };
-        let width = self.grid.width().min_element();
-        let work = std::mem::take(&mut self.work);
-        // A gas may begin as a lattice, in which hardly anything happens yet: its first windows say little.
-        self.paying = self.sorts < 2 || work.pays(&self.state, width, deviation * elapsed);
-        self.sorts += 1;
-        self.length = tuning::window_length(&self.state, width, deviation, rate);
-    }
-
     /// Lists all balls and finds the meetings of the window that begins at the present.
     fn open(&mut self) -> Window {
         self.windows_since_sort += 1;
@@ -423,9 +309,9 @@ impl Windowed {
         let [firsts, fresh, later] = &mut pieces;
         let gas = self.gas(window);
 
-        let shares = shares(&mut lines, &regions);
+        let shares = by_region(&mut lines, &regions);
         let lists = regions.iter_mut().zip(shares).zip(firsts.iter_mut());
-        side_by_side(lists, |((region, lines), firsts)| {
+        self.team.work(lists, |((region, lines), firsts)| {
             let radii = if self.radii.is_empty() {
                 &[]
             } else {
@@ -446,7 +332,7 @@ impl Windowed {
             kinds: [firsts, &[], &[]],
         };
         let mail = outboxes(&mut regions);
-        side_by_side(
+        self.team.work(
             regions.iter_mut().zip(fresh.iter_mut()),
             |(region, fresh)| region.find(shelves, &mail, (FRESH, fresh)),
         );
@@ -454,33 +340,26 @@ impl Windowed {
         let mail = outboxes(&mut regions);
         if mail.iter().any(|mail| !mail.is_empty()) {
             // What was foreseen across a region's border is listed and tested there, now that all have finished.
-            side_by_side(
+            self.team.work(
                 regions.iter_mut().zip(later.iter_mut()),
                 |(region, later)| region.find_visitors(shelves, &mail, Some((LATER, later))),
             );
             shelves.kinds[LATER] = later;
             let mail = outboxes(&mut regions);
-            side_by_side(regions.iter_mut(), |region| {
+            self.team.work(regions.iter_mut(), |region| {
                 region.find_visitors(shelves, &mail, None)
             });
         }
-        side_by_side(regions.iter_mut(), |region| region.sort(window.span()));
+        let found: Vec<_> = regions.iter().map(|region| &region.meetings[..]).collect();
+        self.agenda.fill(&self.team, &found, window.span());
+        for region in &mut regions {
+            region.meetings.empty();
+        }
         self.work.windows += 1;
         for region in &regions {
             self.work.census += region.census;
         }
 
-        self.meetings.empty();
-        self.done = 0;
-        if let [region] = &mut regions[..] {
-            std::mem::swap(&mut self.meetings, &mut region.meetings);
-        } else {
-            for region in &mut regions {
-                self.meetings.append(&mut region.meetings);
-            }
-            // Made of sorted stretches: a sort that looks for such is quick.
-            self.meetings.sort_by(Meeting::order);
-        }
         self.fastest = regions.iter().fold(self.fastest, |fastest, region| {
             region.fastest().max(fastest)
         });
@@ -497,17 +376,16 @@ impl Windowed {
         self.work.turns += self.turns as u64;
         self.follow_ups.clear();
         self.put_off.clear();
-        self.meetings.empty();
-        self.done = 0;
+        self.agenda.clear();
         self.window = None;
     }
 }
 
-/// The lines of each region's flights.
-fn shares<'l>(
-    lines: &'l mut [Line],
+/// What belongs to each region's flights.
+fn by_region<'l, T>(
+    lines: &'l mut [T],
     regions: &[Region],
-) -> impl Iterator<Item = &'l mut [Line]> + use<'l> {
+) -> impl Iterator<Item = &'l mut [T]> + use<'l, T> {
     let lengths: Vec<usize> = regions.iter().map(|region| region.flights.len()).collect();
     let mut rest = lines;
     lengths.into_iter().map(move |length| {
@@ -521,17 +399,6 @@ fn outboxes(regions: &mut [Region]) -> Vec<Vec<region::Passage>> {
         .iter_mut()
         .map(|region| std::mem::take(&mut region.outbox))
         .collect()
-}
-
-/// Does the work for each share on a thread of its own, the first on this one.
-fn side_by_side<T: Send>(mut shares: impl Iterator<Item = T>, work: impl Fn(T) + Copy + Send) {
-    let Some(first) = shares.next() else { return };
-    std::thread::scope(|scope| {
-        shares.for_each(|share| {
-            scope.spawn(move || work(share));
-        });
-        work(first);
-    });
 }
 
 impl Engine for Windowed {
@@ -567,6 +434,6 @@ impl Engine for Windowed {
     }
 
     fn queue_length(&self) -> usize {
-        self.meetings.len() - self.done + self.follow_ups.len()
+        self.agenda.left() + self.follow_ups.len()
     }
 }

@@ -46,7 +46,7 @@ impl Windowed {
     /// The next meeting in order, if it comes no later than `limit`.
     #[inline]
     fn take_next(&mut self, limit: f64) -> Option<Meeting> {
-        let found = self.meetings.get(self.done);
+        let found = self.agenda.next();
         let follow_up = self.follow_ups.peek();
         let from_follow_ups = match (found, follow_up) {
             (Some(found), Some(follow_up)) => follow_up.order(found) == Ordering::Less,
@@ -58,7 +58,7 @@ impl Windowed {
             self.follow_ups.pop();
         } else {
             self.read_ahead();
-            self.done += 1;
+            self.agenda.advance();
         }
         Some(next)
     }
@@ -66,7 +66,7 @@ impl Windowed {
     /// Asks for the memory of balls whose turn comes soon.
     #[inline]
     fn read_ahead(&self) {
-        let Some(meeting) = self.meetings.get(self.done + READ_AHEAD) else {
+        let Some(meeting) = self.agenda.later(READ_AHEAD) else {
             return;
         };
         let (ball, other) = meeting.rank;

@@ -12,7 +12,7 @@ use pulp::Arch;
 use super::filter::Filter;
 use super::grid::{Census, Entry, Lists};
 use super::listing::{Flights, Listing};
-use super::meeting::{self, Meeting};
+use super::meeting::Meeting;
 use super::paths::Gas;
 use super::pieces::{FIRST, Id, Line, NONE, Origin, Piece, Pieces};
 use super::questions::Margins;
@@ -137,7 +137,6 @@ pub struct Region {
     searched: usize,
     /// Those of them in which something has been listed since.
     pending: Vec<u32>,
-    spare: Scratch<Meeting>,
 }
 
 /// The pieces that a region adds in a phase, with their kind.
@@ -178,6 +177,19 @@ impl Region {
         self.places.clear();
         self.places.extend_from_slice(places);
         self.lists.reset(cells, expected);
+    }
+
+    /// The balls of the region's flights, in their order, out of all the lines and the cells these are in.
+    pub fn sort_balls(&self, lines: &[Line], cells: &[u32], balls: &mut [u32]) {
+        let (range, first) = (self.lists.cells(), self.flights.start);
+        let mut places = self.places.clone();
+        let places = &mut places[..range.len()];
+        for (line, &cell) in lines.iter().zip(cells) {
+            if let Some(place) = places.get_mut((cell as usize).wrapping_sub(range.start)) {
+                balls[*place as usize - first] = line.ball();
+                *place += 1;
+            }
+        }
     }
 
     /// Largest speed of any piece that was seen or added.
@@ -338,11 +350,6 @@ impl Region {
         self.outbox.clear();
         self.deliver(&shelves, mail.iter().flatten());
         self.follow_up(&shelves, own.as_mut());
-    }
-
-    /// Sorts the meetings found.
-    pub fn sort(&mut self, span: (f64, f64)) {
-        meeting::sort(&mut self.meetings, span, &mut self.spare);
     }
 
     /// Adds a ball's piece that begins at a meeting and those that follow it to `own`; gives the piece. They are still to be listed,

@@ -36,9 +36,10 @@ pub trait Calendar: Send {
     /// The earliest event.
     fn first(&mut self) -> Option<Event>;
 
-    /// Some events of which one is likely to be the earliest once the present one is done; none where that is not known.
-    fn soon(&self) -> &[Event] {
-        &[]
+    /// The event that is likely to be the earliest once the present one is done, and one that draws near by then: nearly all are given
+    /// as the second before they are as the first. None where that is not known.
+    fn soon(&self) -> [Option<Event>; 2] {
+        [None; 2]
     }
 
     /// One more of the events whose turn comes before long, in no strict order and each once; `None` where all of them have been

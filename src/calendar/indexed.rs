@@ -47,9 +47,10 @@ impl Calendar for Indexed {
     }
 
     #[inline]
-    fn soon(&self) -> &[Event] {
-        let count = self.len().saturating_sub(1).min(4);
-        self.lines.get(1).map_or(&[], |line| &line.0[..count])
+    fn soon(&self) -> [Option<Event>; 2] {
+        let next = self.earliest_below(ROOT);
+        let later = next.and_then(|next| self.earliest_below(next));
+        [next, later].map(|place| place.map(|place| self.at(place)))
     }
 
     #[inline]
@@ -141,9 +142,16 @@ impl Indexed {
         self.put(place, event);
     }
 
+    /// Where the earliest event right below a place is.
+    #[inline]
+    fn earliest_below(&self, place: usize) -> Option<usize> {
+        let first_child = first_child(place);
+        (first_child < self.end).then(|| first_child + self.lines[first_child / 4].earliest())
+    }
+
     fn sink(&mut self, mut place: usize, event: Event) {
         loop {
-            let first_child = 4 * place - 8;
+            let first_child = first_child(place);
             if first_child >= self.end {
                 break;
             }
@@ -200,6 +208,11 @@ impl Line {
 /// Stands in places beyond the end, later than any event.
 fn nothing() -> Event {
     Event::new(f64::INFINITY, 0, EventKind::Crossing { axis: 0 })
+}
+
+#[inline]
+fn first_child(place: usize) -> usize {
+    4 * place - 8
 }
 
 #[inline]

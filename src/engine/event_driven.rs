@@ -318,16 +318,14 @@ impl<C: Calendar, N: Needs, S: Surroundings<N>> EventDriven<C, N, S> {
                 self.ahead.see(event, &self.state, &self.surroundings);
             }
         }
-        let soon = self.calendar.soon();
-        for event in soon {
-            self.prefetch(event);
+        let [next, later] = self.calendar.soon();
+        if let Some(event) = later {
+            self.prefetch(&event);
         }
-        let next = soon
-            .iter()
-            .min_by(|one, other| one.time.total_cmp(&other.time));
         if let Some(event) = next {
-            for ball in balls(event) {
-                let axis = crossing(event);
+            for ball in balls(&event) {
+                let axis = crossing(&event);
+                self.surroundings.prefetch_places(&self.state, ball, axis);
                 self.surroundings.prefetch_known(&self.state, ball, axis);
             }
         }

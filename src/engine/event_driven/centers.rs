@@ -1,6 +1,7 @@
 //! The centres of the shells, cell by cell: those near a place stand in few lines of memory.
 
 use glam::{DVec3, Vec3};
+use prefetch_index::prefetch_index;
 
 use crate::cell_list::widened;
 use crate::domain::{Boundary, Domain};
@@ -8,6 +9,9 @@ use crate::engine::image::image_at;
 
 /// Centres for which a cell has room at first.
 const ROOM: usize = 12;
+
+/// Centres in a line of memory.
+const CENTERS_PER_LINE: usize = 4;
 
 /// Share by which a cell is wider than asked for: far above rounding.
 const SLACK: f64 = 1e-6;
@@ -80,14 +84,30 @@ impl Centers {
     /// what is at that place sees it.
     #[inline]
     pub fn for_each_cell_near(&self, place: Vec3, mut visit: impl FnMut(&[Center], u32)) {
+        self.for_each_number_near(place, |cell, image| {
+            let listed = &self.cells[cell * self.room..][..self.lengths[cell] as usize];
+            visit(listed, image);
+        });
+    }
+
+    /// Asks for the memory of these cells.
+    #[inline]
+    pub fn prefetch_near(&self, place: Vec3) {
+        self.for_each_number_near(place, |cell, _| {
+            let first = cell * self.room;
+            for center in (0..self.lengths[cell] as usize).step_by(CENTERS_PER_LINE) {
+                prefetch_index(&self.cells, first + center);
+            }
+        });
+    }
+
+    #[inline]
+    fn for_each_number_near(&self, place: Vec3, mut visit: impl FnMut(usize, u32)) {
         let [x, y, z] = self.cell_of_place(place);
         for x in self.around(0, x) {
             for y in self.around(1, y) {
                 for z in self.around(2, z) {
-                    let image = image_at([x.1, y.1, z.1]);
-                    let cell = self.number([x.0, y.0, z.0]);
-                    let listed = &self.cells[cell * self.room..][..self.lengths[cell] as usize];
-                    visit(listed, image);
+                    visit(self.number([x.0, y.0, z.0]), image_at([x.1, y.1, z.1]));
                 }
             }
         }

@@ -261,7 +261,12 @@ impl<N: Needs> Surroundings<N> for Shells {
     }
 
     #[inline]
-    fn prefetch_places(&self, _state: &State, _ball: usize, _axis: Option<usize>) {}
+    fn prefetch_places(&self, state: &State, ball: usize, axis: Option<usize>) {
+        if axis.is_some() {
+            let center = state.trajectories[ball].position_at(state.now).as_vec3();
+            self.centers.prefetch_near(center);
+        }
+    }
 
     #[inline]
     fn prefetch_known(&self, state: &State, ball: usize, _axis: Option<usize>) {

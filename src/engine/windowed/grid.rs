@@ -25,6 +25,9 @@ const MOST_PER_AXIS: f64 = 1022.0;
 /// How many entries before its turn the memory for an entry is asked for: a line of memory.
 const ENTRIES_AHEAD: usize = 16;
 
+/// Pieces that are foreseen in a cell before it is crowded: hardly ever as many, where balls are not on a lattice.
+const ROOM_FOR_FORESEEN: u32 = 32;
+
 /// Places along an axis of a ball's way that are few.
 const FEW_PLACES: i32 = 4;
 
@@ -311,6 +314,8 @@ pub struct Lists {
     lengths: Vec<u32>,
     /// How many entries of each cell have been tested against each other.
     tested: Vec<u32>,
+    /// How many there were before anything was foreseen.
+    unforeseen: Vec<u32>,
     capacity: usize,
     /// Entries in the fullest list so far.
     fullest: usize,
@@ -323,7 +328,13 @@ impl Lists {
         let most = (expected + 8 * expected.isqrt()).max(self.fullest + 6 * self.fullest.isqrt());
         self.first = cells.start;
         self.capacity = self.capacity.max(most.next_multiple_of(16)).max(32);
-        self.entries.resize(cells.len() * self.capacity, 0);
+        let room = cells.len() * self.capacity;
+        if room > self.entries.capacity() {
+            // Nothing of it is needed any more; a little more than that, as regions vary.
+            self.entries = Vec::new();
+            self.entries.reserve_exact(room + room / 32);
+        }
+        self.entries.resize(room, 0);
         self.lengths.clear();
         self.lengths.resize(cells.len(), 0);
         self.tested.clear();
@@ -355,8 +366,9 @@ impl Lists {
         self.tested[cell] = self.lengths[cell];
     }
 
-    /// Counts what is listed.
-    pub fn census(&self) -> Census {
+    /// Counts what is listed before anything is foreseen.
+    pub fn take_census(&mut self) -> Census {
+        self.unforeseen.clone_from(&self.lengths);
         let mut census = Census::default();
         for &length in &self.lengths {
             let length = u64::from(length);
@@ -364,6 +376,20 @@ impl Lists {
             census.pairs += length * length.saturating_sub(1) / 2;
         }
         census
+    }
+
+    /// Whether so much has been foreseen in a cell that more would hardly come about: each piece that is foreseen there may meet
+    /// all others, and what begins at these meetings may meet them again.
+    #[inline]
+    pub fn is_crowded(&self, cell: usize) -> bool {
+        let cell = cell - self.first;
+        self.lengths[cell] > self.unforeseen[cell] + ROOM_FOR_FORESEEN
+    }
+
+    /// Entries in the fullest list before those of this window.
+    #[cfg(test)]
+    pub fn fullest(&self) -> usize {
+        self.fullest
     }
 
     /// Empties all lists.

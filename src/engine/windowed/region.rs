@@ -308,7 +308,7 @@ impl Region {
     pub fn find(&mut self, shelves: Shelves, mail: &[Vec<Passage>], mut own: Own) {
         self.outbox.clear();
         self.deliver(&shelves, mail.iter().flatten());
-        self.census = self.lists.census();
+        self.census = self.lists.take_census();
         let cells = self.lists.cells();
         for first in cells.clone().step_by(CELLS_AT_ONCE) {
             let end = (first + CELLS_AT_ONCE).min(cells.end);
@@ -485,6 +485,7 @@ impl Region {
             let ids = [meeting.piece, meeting.other];
             if let Some((kind, pieces)) = own.as_deref_mut()
                 && candidate.generation < MOST_GENERATIONS
+                && !self.lists.is_crowded(candidate.cell as usize)
                 && pieces.lines.len() < MOST_FORESEEN[0] * self.flights.len() + MOST_FORESEEN[1]
                 && is_first(&gas, ids, meeting.time, (*kind, pieces))
             {
@@ -515,5 +516,66 @@ impl Region {
     pub fn visit(&mut self, shelves: &Shelves, passages: &[Passage]) {
         self.deliver(shelves, passages);
         self.follow_up(shelves, None);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_xoshiro::Xoshiro256PlusPlus;
+
+    use crate::domain::{Boundary, Domain};
+    use crate::engine::Engine;
+    use crate::engine::windowed::Windowed;
+    use crate::state::{Body, Placement, State};
+    use glam::DVec3;
+
+    /// Balls on a lattice have their first collisions all at about the same time, where they see each other's flights and many
+    /// that might follow.
+    #[test]
+    fn what_is_foreseen_does_not_fill_the_cells_of_a_lattice_that_melts() {
+        const SIDE: i32 = 32;
+        const SPACING: f64 = 2.9;
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(5);
+        let mut draw = || {
+            let drawn: [f64; 3] = std::array::from_fn(|_| random.random_range(-1.0..1.0));
+            DVec3::from_array(drawn)
+        };
+        let sites =
+            (0..SIDE.pow(3)).map(|site| [site / SIDE / SIDE, site / SIDE % SIDE, site % SIDE]);
+        let edge = SPACING * f64::from(SIDE);
+        let position = |site: [i32; 3]| {
+            DVec3::from_array(site.map(|step| (f64::from(step) + 0.5) * SPACING - 0.5 * edge))
+        };
+        let positions: Vec<_> = sites.map(position).collect();
+        let state = State::new(&Placement {
+            domain: Domain {
+                boundary: Boundary::Periodic,
+                ..Domain::container(DVec3::splat(0.5 * edge))
+            },
+            center: DVec3::ZERO,
+            bodies: vec![Body {
+                radius: 0.5,
+                mass: 1.0,
+            }],
+            body_of: Vec::new(),
+            velocities: positions.iter().map(|_| draw()).collect(),
+            positions,
+        });
+        let mut engine = Windowed::with_regions(state, 2);
+        for _ in 0..8 {
+            let next = engine
+                .state()
+                .now
+                .after(engine.window_length())
+                .expect("a time");
+            engine.advance(next, &mut |_| ()).expect("room to move");
+        }
+        let fullest = engine
+            .regions
+            .iter()
+            .map(|region| region.lists.fullest())
+            .max();
+        assert!(fullest < Some(200), "{fullest:?}");
     }
 }

@@ -19,10 +19,6 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     /// Engine `windowed`: trajectory, collisions, place in a window, start of the echo; placement while it is made, or the
     /// copy for a checkpoint.
     const WINDOWED: u64 = 347;
-    /// The same where balls are near each other: in a window more meetings and paths are foreseen.
-    const WINDOWED_NEAR: u64 = 500;
-    /// Up to which mean spacing that is so, in diameters.
-    const NEAR: f64 = 3.0;
     /// Engine `event`: trajectory, collisions, candidate, event, range of cells, start of the echo.
     const EVENT: f64 = 148.0;
     /// Boxes moved on, in a periodic box.
@@ -32,8 +28,7 @@ pub fn bytes_per_ball(placement: &Placement) -> u64 {
     /// What the copy for a checkpoint, and its bytes on their way to the disk, add to that.
     const CHECKPOINT: u64 = 125;
     if Windowed::pays(placement) {
-        let near = placement.spacing() < NEAR * 2.0 * placement.largest_radius();
-        return if near { WINDOWED_NEAR } else { WINDOWED };
+        return WINDOWED;
     }
     let periodic = placement.domain.boundary == Boundary::Periodic;
     let kinds = placement.bodies.len() > 1;

@@ -521,6 +521,7 @@ impl Region {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
     use rand::{RngExt, SeedableRng};
     use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -528,7 +529,6 @@ mod tests {
     use crate::engine::Engine;
     use crate::engine::windowed::Windowed;
     use crate::state::{Body, Placement, State};
-    use glam::DVec3;
 
     /// Balls on a lattice have their first collisions all at about the same time, where they see each other's flights and many
     /// that might follow.

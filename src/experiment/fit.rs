@@ -2,37 +2,28 @@
 
 /// Slope of a straight line through points, by least squares.
 pub fn slope(points: &[(f64, f64)]) -> f64 {
+    slope_and_error(points).0
+}
+
+/// Slope of a straight line through points, by least squares, and its standard error from how they scatter about the line; that is
+/// no number for fewer than three.
+///
+/// Source: derived here.
+pub fn slope_and_error(points: &[(f64, f64)]) -> (f64, f64) {
     let count = points.len() as f64;
     let (x, y) = points
         .iter()
         .fold((0.0, 0.0), |(x, y), point| (x + point.0, y + point.1));
     let (x, y) = (x / count, y / count);
-    let products: f64 = points
-        .iter()
-        .map(|point| (point.0 - x) * (point.1 - y))
-        .sum();
-    let squares: f64 = points
-        .iter()
-        .map(|point| (point.0 - x) * (point.0 - x))
-        .sum();
-    products / squares
-}
-
-/// Slope of a straight line through at least three points, by least squares, and its standard error from how the points scatter
-/// about the line.
-///
-/// Source: derived here.
-pub fn slope_and_error(points: &[(f64, f64)]) -> (f64, f64) {
-    let slope = slope(points);
-    let count = points.len() as f64;
-    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
-    let (x, y) = (mean(|point| point.0), mean(|point| point.1));
-    let (mut residues, mut squares) = (0.0, 0.0);
-    for point in points {
-        let residue = point.1 - y - slope * (point.0 - x);
-        residues += residue * residue;
-        squares += (point.0 - x) * (point.0 - x);
-    }
+    let sum = |of: &dyn Fn(f64, f64) -> f64| -> f64 {
+        points
+            .iter()
+            .map(|point| of(point.0 - x, point.1 - y))
+            .sum()
+    };
+    let squares = sum(&|x, _| x * x);
+    let slope = sum(&|x, y| x * y) / squares;
+    let residues = sum(&|x, y| (y - slope * x) * (y - slope * x));
     (slope, (residues / ((count - 2.0) * squares)).sqrt())
 }
 

@@ -85,7 +85,7 @@ fn compare(gas: &Placement, stops: &[f64]) -> Vec<&'static str> {
 #[test]
 fn a_crowd_is_handed_over_and_taken_back_when_it_has_spread() {
     let stops: Vec<f64> = (-1..=6).map(|doubling| 2.0_f64.powi(doubling)).collect();
-    let methods = compare(&crowd(16, 6.0, 1), &stops);
+    let methods = compare(&crowd(16, 4.5, 1), &stops);
     println!("{methods:?}");
     assert!(methods.contains(&"event"));
     assert_eq!(methods.last(), Some(&"windowed"));

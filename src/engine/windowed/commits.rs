@@ -198,6 +198,7 @@ impl Windowed {
                 let origin = Origin {
                     owner: owners[one],
                     parents: pieces,
+                    partner: balls[1 - one],
                     generation: 0,
                 };
                 next[one] = self.pursue(after[one], balls[one], origin, window);

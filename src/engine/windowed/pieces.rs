@@ -140,6 +140,12 @@ impl Line {
         self
     }
 
+    /// When it begins, in windows; zero for a flight.
+    #[inline(always)]
+    pub fn begin(&self) -> f32 {
+        self.0[7].max(0.0)
+    }
+
     /// The same elsewhere.
     #[inline(always)]
     pub fn moved(&self, shift: [f32; 3]) -> Self {
@@ -164,6 +170,8 @@ pub struct Origin {
     pub owner: Id,
     /// The two pieces at whose meeting it began, which it cannot meet again.
     pub parents: [Id; 2],
+    /// The other one's ball; [`NONE`] without such a meeting.
+    pub partner: u32,
     /// How many collisions were foreseen on the way to it.
     pub generation: u32,
 }
@@ -175,6 +183,7 @@ impl Origin {
         Self {
             owner,
             parents: [NONE; 2],
+            partner: NONE,
             generation: 0,
         }
     }

@@ -116,11 +116,11 @@ pub fn cannot_meet_here<S: Simd>(
     let (velocity, other_velocity) = (one_of.velocity, other_of.velocity);
     let apart = difference(simd, position, other_position);
     let relative = difference(simd, velocity, other_velocity);
-    let per_speed_squared = simd.div_f32s(one, dot(simd, relative, relative));
+    let (recession, speed_squared) = (dot(simd, apart, relative), dot(simd, relative, relative));
+    let per_speed_squared = simd.div_f32s(one, speed_squared);
     let distance_squared = dot(simd, apart, apart);
     let beyond = simd.sub_f32s(distance_squared, simd.splat_f32s(limits.contact_squared));
-    let closest = simd.mul_f32s(dot(simd, apart, relative), per_speed_squared);
-    let closest = simd.neg_f32s(closest);
+    let closest = simd.neg_f32s(simd.mul_f32s(recession, per_speed_squared));
     // For a pair without a relative velocity these are no numbers, and nothing is rejected.
     let share = simd.mul_f32s(distance_squared, per_speed_squared);
     let time_apart = simd.sqrt_f32s(share);
@@ -156,11 +156,20 @@ pub fn cannot_meet_here<S: Simd>(
     let error = simd.mul_f32s(error, per_speed);
     let error = simd.add_f32s(error, simd.splat_f32s(f32::EPSILON));
     let last = simd.add_f32s(closest, simd.add_f32s(error, time_margin));
+    let mut later_begin = zero;
     for begin in [one_of.begin, other_of.begin] {
         // Who recedes when the later one begins will never meet.
         miss = simd.or_m32s(miss, simd.less_than_f32s(last, begin));
-        latest = simd.select_f32s(simd.less_than_f32s(latest, begin), begin, latest);
+        let later = simd.less_than_f32s(later_begin, begin);
+        later_begin = simd.select_f32s(later, begin, later_begin);
     }
+    let later = simd.less_than_f32s(latest, later_begin);
+    latest = simd.select_f32s(later, later_begin, latest);
+    // Who is inside the other then has met it before, or what it comes from has: not both of them come about.
+    let way = simd.mul_f32s(later_begin, speed_squared);
+    let change = simd.add_f32s(way, simd.add_f32s(recession, recession));
+    let inside_then = simd.mul_add_e_f32s(later_begin, change, inside);
+    miss = simd.or_m32s(miss, simd.less_than_f32s(inside_then, zero));
     // The contact lies between the two times.
     for axis in 0..3 {
         let here = simd.splat_f32s(middle[axis]);
@@ -212,17 +221,6 @@ pub trait Test<S: Simd> {
     fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s;
 }
 
-/// Do they belong to two balls, and do they pass another test?
-pub struct OfTwoBalls<T>(pub T);
-
-impl<S: Simd, T: Test<S>> Test<S> for OfTwoBalls<T> {
-    #[inline(always)]
-    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
-        let one_ball = simd.equal_u32s(columns.ball, simd.splat_u32s(row.ball()));
-        simd.and_m32s(self.0.passes(simd, row, columns), simd.not_m32s(one_ball))
-    }
-}
-
 /// Are they near enough for meeting in the window, and do they not recede?
 pub struct WithinReach<S: Simd> {
     pub reach_squared: S::f32s,
@@ -247,16 +245,82 @@ pub struct LinesTouch<S: Simd>(pub S::f32s);
 impl<S: Simd> Test<S> for LinesTouch<S> {
     #[inline(always)]
     fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
-        let apart = difference(simd, columns.position, splat(simd, row.position()));
-        let velocity = difference(simd, splat(simd, row.velocity()), columns.velocity);
-        // Positive if they approach.
-        let approach = dot(simd, apart, velocity);
-        let beyond = simd.mul_add_e_f32s(apart[0], apart[0], self.0);
-        let beyond = simd.mul_add_e_f32s(apart[1], apart[1], beyond);
-        let beyond = simd.mul_add_e_f32s(apart[2], apart[2], beyond);
-        let speed = dot(simd, velocity, velocity);
+        let [approach, speed, beyond] = encounter(simd, row, columns, self.0);
         // (r . v)^2 against |v|^2 (|r|^2 - contact^2).
         let closeness = simd.mul_f32s(approach, simd.max_f32s(approach, simd.splat_f32s(0.0)));
         simd.less_than_f32s(simd.mul_f32s(speed, beyond), closeness)
     }
+}
+
+/// A later question, for pieces that begin at collisions: do they touch in the window, after the later one has begun with them clear
+/// of each other and approaching, and do they belong to two balls that have not parted before?
+pub struct BallsTouch<S: Simd> {
+    minus_contact_squared: S::f32s,
+    /// How much less than that the square of a distance is at which any two pieces surely touch.
+    minus_margin: S::f32s,
+    /// Least `- r . v` of those that may approach.
+    least_approach: S::f32s,
+}
+
+impl<S: Simd> BallsTouch<S> {
+    /// With these limits.
+    #[inline(always)]
+    pub fn new(simd: S, limits: &Limits) -> Self {
+        let margin = limits.contact_squared - limits.inside_squared;
+        Self {
+            minus_contact_squared: simd.splat_f32s(-limits.contact_squared),
+            minus_margin: simd.splat_f32s(-(1.0 + 2.0 * f32::EPSILON) * margin),
+            least_approach: simd.splat_f32s(-limits.receding),
+        }
+    }
+
+    /// Which of them may meet a piece, as far as this tells, that began where its ball met a `partner`.
+    #[inline(always)]
+    pub fn passes(&self, simd: S, row: &Row, partner: u32, columns: Columns<S>) -> S::m32s {
+        let [approach, speed, beyond] = encounter(simd, row, columns, self.minus_contact_squared);
+        let begin = simd.splat_f32s(row.begin());
+        let later = simd.less_than_f32s(begin, columns.begin);
+        // The partner's pieces from before that have ended then.
+        let not_earlier = simd.greater_than_or_equal_f32s(columns.begin, begin);
+        let of_partner = simd.equal_u32s(columns.ball, simd.splat_u32s(partner));
+        let one_ball = simd.equal_u32s(columns.ball, simd.splat_u32s(row.ball()));
+        let parted = simd.and_m32s(of_partner, simd.not_m32s(not_earlier));
+        // From the later begin on, as from the window's: what is left of the approach, and of the distance.
+        let way = simd.mul_f32s(simd.select_f32s(later, columns.begin, begin), speed);
+        let left = simd.sub_f32s(approach, way);
+        let passed = simd.mul_f32s(
+            simd.select_f32s(later, columns.begin, begin),
+            simd.add_f32s(approach, left),
+        );
+        let beyond = simd.sub_f32s(beyond, passed);
+        let clear = simd.greater_than_or_equal_f32s(beyond, self.minus_margin);
+        let approaching = simd.greater_than_f32s(left, self.least_approach);
+        // When they are closest then, times |v|^2; and how much closer than at the later begin, squared.
+        let when = simd.min_f32s(left, simd.sub_f32s(speed, way));
+        let twice = simd.add_f32s(left, simd.sub_f32s(left, when));
+        let touch = simd.less_than_f32s(simd.mul_f32s(speed, beyond), simd.mul_f32s(when, twice));
+        let pass = simd.and_m32s(simd.and_m32s(touch, clear), approaching);
+        simd.and_m32s(pass, simd.not_m32s(simd.or_m32s(one_ball, parted)))
+    }
+}
+
+/// Of pieces at a distance `r` and with a relative velocity `v`: `- r . v`, positive if they approach; `|v|^2`; and `|r|^2` but for
+/// the square of the contact distance.
+#[inline(always)]
+fn encounter<S: Simd>(
+    simd: S,
+    row: &Row,
+    columns: Columns<S>,
+    minus_contact_squared: S::f32s,
+) -> [S::f32s; 3] {
+    let apart = difference(simd, columns.position, splat(simd, row.position()));
+    let velocity = difference(simd, splat(simd, row.velocity()), columns.velocity);
+    let beyond = simd.mul_add_e_f32s(apart[0], apart[0], minus_contact_squared);
+    let beyond = simd.mul_add_e_f32s(apart[1], apart[1], beyond);
+    let beyond = simd.mul_add_e_f32s(apart[2], apart[2], beyond);
+    [
+        dot(simd, apart, velocity),
+        dot(simd, velocity, velocity),
+        beyond,
+    ]
 }

@@ -38,7 +38,7 @@ const LOADED_AT_ONCE: usize = 256;
 const MANY_CANDIDATES: usize = 16 * LOADED_AT_ONCE;
 
 /// Collisions that may follow one another and be foreseen; the others wait until their turn comes.
-const MOST_GENERATIONS: u32 = 3;
+const MOST_GENERATIONS: u32 = 2;
 
 /// Most pieces that are foreseen, for each flight of a region and in all regions alike: where there would be more, a window ends
 /// long before them.
@@ -335,6 +335,12 @@ impl Region {
         self.sheets.iter_mut().for_each(Sheet::clear);
     }
 
+    /// Whether a cell has a sheet, in which all its pieces are that have been searched.
+    #[inline]
+    fn has_sheet(&self, cell: usize) -> bool {
+        cell.wrapping_sub(self.on_sheets) < self.sheets.len()
+    }
+
     /// Asks for the memory of the flights that pass a cell.
     #[inline]
     fn read_ahead(&self, lines: &[Line], cell: usize) {
@@ -368,6 +374,7 @@ impl Region {
         own.push(trajectory, line, origin);
         let further = Origin {
             parents: [NONE; 2],
+            partner: NONE,
             ..origin
         };
         let owner = origin.owner;
@@ -384,7 +391,9 @@ impl Region {
         while !self.pending.is_empty() {
             let mut pending = std::mem::take(&mut self.pending);
             for (index, &cell) in pending.iter().enumerate() {
-                if let Some(&ahead) = pending.get(index + CELLS_AHEAD) {
+                if let Some(&ahead) = pending.get(index + CELLS_AHEAD)
+                    && !self.has_sheet(ahead as usize)
+                {
                     self.read_ahead(shelves.lines, ahead as usize);
                 }
                 self.search(shelves, own.as_deref(), cell as usize);
@@ -417,13 +426,12 @@ impl Region {
             spare_sheet.clear();
             spare_sheet
         };
-        let first = tested.max(1);
         let pieces = Passers { view, entries };
         let middle = shelves.gas.grid.center(cell);
         let pairs = if shelves.gas.is_periodic() {
-            filter.find(sheet, Images(pieces), first, middle)
+            filter.find(sheet, Images(pieces), tested, middle)
         } else {
-            filter.find(sheet, pieces, first, middle)
+            filter.find(sheet, pieces, tested, middle)
         };
         lists.set_tested(cell);
         let entries = lists.entries(cell);
@@ -501,6 +509,7 @@ impl Region {
                         Origin {
                             owner: meeting.owners[one],
                             parents: ids,
+                            partner: candidate.balls[1 - one],
                             generation: candidate.generation + 1,
                         },
                         (*kind, pieces),

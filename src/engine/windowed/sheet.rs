@@ -4,6 +4,8 @@ use pulp::{Simd, bytemuck};
 
 use super::grid::Entry;
 use super::pieces::Line;
+#[cfg(doc)]
+use super::pieces::NONE;
 use crate::engine::turn::{SIDE, turn};
 
 /// Rows of a block: a multiple of the widest vectors.
@@ -11,9 +13,6 @@ pub const LANES: usize = 16;
 
 /// Parts of a block that are turned one by one.
 pub const PARTS: usize = LANES / SIDE;
-
-/// A coordinate that nothing comes near to, whose square still is a number.
-const FAR: f32 = 1e15;
 
 /// A piece in a cell, at the image that is there.
 pub type Row = Line;
@@ -25,15 +24,29 @@ pub trait Rows {
 
     /// A piece of the list.
     fn row(&self, entry: Entry) -> Row;
+
+    /// The ball at whose meeting with the piece's own the piece began, or [`NONE`].
+    fn partner(&self, entry: Entry) -> u32;
 }
 
-/// What stands for no piece.
-pub const NOBODY: Row = Line([FAR, FAR, FAR, 0.0, 0.0, 0.0, 0.0, 0.0]);
+/// What stands for no piece: no comparison with what is no number holds.
+const NOBODY: Row = Line([f32::NAN, f32::NAN, f32::NAN, 0.0, 0.0, 0.0, 0.0, 0.0]);
 
 /// The columns of some rows, as those are.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(align(64))]
 pub struct Block([[f32; LANES]; SIDE]);
+
+/// What stands for no pieces.
+const NOBODIES: Block = {
+    let mut columns = [[0.0; LANES]; SIDE];
+    let mut column = 0;
+    while column < SIDE {
+        columns[column] = [NOBODY.0[column]; LANES];
+        column += 1;
+    }
+    Block(columns)
+};
 
 /// A vector of each column.
 #[derive(Clone, Copy)]
@@ -53,6 +66,14 @@ impl Block {
         let columns = turn(simd, [a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0]);
         for (column, values) in self.0.iter_mut().zip(columns) {
             column[part * SIDE..][..SIDE].copy_from_slice(&values);
+        }
+    }
+
+    /// Fills one of its lanes.
+    #[inline(always)]
+    fn set(&mut self, lane: usize, row: &Row) {
+        for (column, value) in self.0.iter_mut().zip(row.0) {
+            column[lane] = value;
         }
     }
 
@@ -98,89 +119,41 @@ impl Sheet {
         &self.blocks[..self.count.div_ceil(LANES)]
     }
 
-    /// Adds those pieces of a cell that are not in it yet.
+    /// Makes it that of some entries of a cell's list.
     #[inline(always)]
-    pub fn fill<S: Simd>(&mut self, simd: S, pieces: &impl Rows) {
-        let entries = pieces.entries();
+    pub fn fill<S: Simd>(&mut self, simd: S, pieces: &impl Rows, entries: &[Entry]) {
         let padded = entries.len().next_multiple_of(LANES);
         if padded > self.rows.len() {
             self.rows.resize(padded, NOBODY);
             self.blocks.resize(padded / LANES, Block::default());
         }
-        let first = self.count;
         self.count = entries.len();
         let (rows, nobody) = self.rows[..padded].split_at_mut(entries.len());
-        for (row, &entry) in rows[first..].iter_mut().zip(&entries[first..]) {
+        for (row, &entry) in rows.iter_mut().zip(entries) {
             *row = pieces.row(entry);
         }
         nobody.fill(NOBODY);
-        let block = first / LANES;
-        let rows = self.rows[block * LANES..padded].as_chunks::<SIDE>().0;
+        let rows = self.rows[..padded].as_chunks::<SIDE>().0;
         for (number, rows) in rows.iter().enumerate() {
-            let block = &mut self.blocks[block + number / PARTS];
+            let block = &mut self.blocks[number / PARTS];
             block.turn(simd, number % PARTS, rows);
         }
     }
-}
 
-#[cfg(test)]
-mod tests {
-    use pulp::{Arch, Scalar, WithSimd};
-
-    use super::*;
-
-    struct Fill<'a>(&'a mut Sheet, Numbers);
-
-    /// Rows that hold numbers.
-    struct Numbers(Vec<Entry>);
-
-    impl Rows for Numbers {
-        fn entries(&self) -> &[Entry] {
-            &self.0
-        }
-
-        fn row(&self, entry: Entry) -> Row {
-            Line(std::array::from_fn(|column| {
-                (10 * entry as usize + column) as f32
-            }))
-        }
-    }
-
-    impl WithSimd for Fill<'_> {
-        type Output = ();
-
-        fn with_simd<S: Simd>(self, simd: S) {
-            self.0.fill(simd, &self.1);
-        }
-    }
-
-    #[test]
-    fn columns_hold_the_rows_and_then_nobody() {
-        let counts = [3, 8, 21, 40, 41, 5];
-        let (mut fast, mut plain) = (Sheet::default(), Sheet::default());
-        for (last, count) in std::iter::once(0).chain(counts).zip(counts) {
-            if count < last {
-                fast.clear();
-                plain.clear();
+    /// Adds a row.
+    #[inline(always)]
+    pub fn push(&mut self, row: Row) {
+        let (block, lane) = (self.count / LANES, self.count % LANES);
+        if lane == 0 {
+            let padded = self.count + LANES;
+            if padded > self.rows.len() {
+                self.rows.resize(padded, NOBODY);
+                self.blocks.resize(padded / LANES, Block::default());
             }
-            Arch::new().dispatch(Fill(&mut fast, Numbers((0..count as Entry).collect())));
-            Fill(&mut plain, Numbers((0..count as Entry).collect())).with_simd(Scalar::new());
-            for sheet in [&fast, &plain] {
-                assert_eq!(sheet.rows().len(), count);
-                for (place, block) in sheet.blocks().iter().enumerate() {
-                    for (column, values) in block.0.iter().enumerate() {
-                        for (lane, &value) in values.iter().enumerate() {
-                            let number = place * LANES + lane;
-                            let expected = match (number < count, column) {
-                                (true, _) => (10 * number + column) as f32,
-                                (false, 0..3) => FAR,
-                                (false, _) => 0.0,
-                            };
-                            assert_eq!(value, expected);
-                        }
-                    }
-                }
-            }
+            self.blocks[block] = NOBODIES;
         }
+        self.rows[self.count] = row;
+        self.blocks[block].set(lane, &row);
+        self.count += 1;
     }
 }

@@ -81,6 +81,11 @@ impl Rows for Passers<'_> {
     fn row(&self, entry: Entry) -> Row {
         *self.view.line(entry)
     }
+
+    #[inline(always)]
+    fn partner(&self, entry: Entry) -> u32 {
+        self.view.origin(number_of(entry)).partner
+    }
 }
 
 /// The pieces that pass a cell of a periodic box.
@@ -102,5 +107,10 @@ impl Rows for Images<'_> {
         let grid = view.shelves.gas.grid;
         let shift = grid.shift(image_of(entry)) * grid.scale;
         line.moved(shift.as_vec3().into())
+    }
+
+    #[inline(always)]
+    fn partner(&self, entry: Entry) -> u32 {
+        self.0.partner(entry)
     }
 }

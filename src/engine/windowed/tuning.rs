@@ -8,8 +8,9 @@ use crate::domain::{Boundary, Domain};
 use crate::engine::event_driven;
 use crate::state::{Placement, State, Trajectory};
 
-/// Cell width in mean spacings of the balls; measured to be best, and flat around.
-const SPACINGS_PER_CELL: f64 = 2.7;
+/// Cell width in mean spacings of the balls, where they change cells before they collide and where they collide before; measured to
+/// be best, and flat around.
+const SPACINGS_PER_CELL: [f64; 2] = [2.7, 3.0];
 
 /// Window length in mean times that a ball takes from one cell into the next; measured to be best, and flat around.
 const CROSSINGS_PER_WINDOW: f64 = 1.2;
@@ -19,7 +20,7 @@ const CROSSINGS_PER_WINDOW: f64 = 1.2;
 const CROSSINGS_PER_WIDTH: f64 = 2.394;
 
 /// Most collisions of a ball with others in a window, on average; measured to be best, and flat around.
-const COLLISIONS_PER_WINDOW: f64 = 0.15;
+const COLLISIONS_PER_WINDOW: f64 = 0.25;
 
 /// Longest window \[epochs\]: times in it stay exact relative to its first epoch.
 const LONGEST_WINDOW: f64 = 4.0;
@@ -86,26 +87,40 @@ pub fn pays(gas: &Placement) -> bool {
 /// Least width of a cell \[length\].
 pub fn cell_width(state: &State) -> f64 {
     let spacing = (state.domain.volume() / state.ball_count() as f64).cbrt();
-    (SPACINGS_PER_CELL * spacing).max(2.02 * state.bodies.largest_radius())
+    let [before, after] = SPACINGS_PER_CELL.map(|spacings| spacings * spacing);
+    let width = if transit(before) * collision_rate(state) < COLLISIONS_PER_WINDOW {
+        before
+    } else {
+        after
+    };
+    width.max(2.02 * state.bodies.largest_radius())
 }
 
 /// Length of a window \[epochs\], with cells of this width, for balls whose velocity has components of this root mean square.
 /// `rate` is how often a ball has met another lately, in collisions per epoch.
 pub fn window_length(state: &State, cell_width: f64, deviation: f64, rate: f64) -> f64 {
+    let expected_rate = collision_rate(state) * deviation;
+    (transit(cell_width) / deviation)
+        .min(COLLISIONS_PER_WINDOW / expected_rate.max(rate))
+        .clamp(SHORTEST_WINDOW, LONGEST_WINDOW)
+}
+
+/// How far a ball flies in a window as it changes cells of this width: the root mean square of a component.
+fn transit(cell_width: f64) -> f64 {
+    CROSSINGS_PER_WINDOW * cell_width / CROSSINGS_PER_WIDTH
+}
+
+/// How often a ball meets another as it flies so far: from kinetic theory with the contact value of Carnahan and Starling \[1 / length\].
+fn collision_rate(state: &State) -> f64 {
     let count = state.ball_count() as f64;
     let volume = state.domain.volume();
     let diameter = 2.0 * state.bodies.mean_radius();
-    // How often a ball meets another per time, from kinetic theory with the contact value of Carnahan and Starling.
     let packing =
         (std::f64::consts::PI / 6.0 * diameter * diameter * diameter * count / volume).min(0.7);
     let contact_value =
         (1.0 - 0.5 * packing) / ((1.0 - packing) * (1.0 - packing) * (1.0 - packing));
     let section = 4.0 * std::f64::consts::PI.sqrt() * diameter * diameter * contact_value;
-    let expected_rate = section * count / volume * deviation;
-    let transit = CROSSINGS_PER_WINDOW * cell_width / (CROSSINGS_PER_WIDTH * deviation);
-    transit
-        .min(COLLISIONS_PER_WINDOW / expected_rate.max(rate))
-        .clamp(SHORTEST_WINDOW, LONGEST_WINDOW)
+    section * count / volume
 }
 
 /// What windows took, in counts that do not depend on the number of threads.
@@ -128,9 +143,9 @@ mod cost {
     /// Windowed: a ball in a cell's list.
     pub const PASSAGE: f64 = 6.0;
     /// Windowed: a pair of a list.
-    pub const PAIR: f64 = 0.5;
+    pub const PAIR: f64 = 0.3;
     /// Windowed: a new flight, but for the pairs it makes.
-    pub const TURN: f64 = 500.0;
+    pub const TURN: f64 = 400.0;
     /// Event: a ball that reaches into a cell, but for the balls it looks at.
     pub const CROSSING: f64 = 150.0;
     /// Event: a new flight, but for the balls it looks at.

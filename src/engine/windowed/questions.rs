@@ -8,7 +8,7 @@ use pulp::Simd;
 
 use super::sheet::{Block, Columns, Row};
 
-/// Share of `|r|^2 |v|^2` by which f32 rounding can change `(r . v)^2 - |v|^2 |r|^2`: some twenty roundings of 2^-24 each at
+/// Share of `|r|^2 |v|^2` by which f32 rounding can change `(r . v)^2 - |v|^2 |r|^2`: some thirty roundings of 2^-24 each at
 /// the most, with a margin.
 const ROUNDING: f64 = 2.5e-6;
 
@@ -252,8 +252,8 @@ impl<S: Simd> Test<S> for LinesTouch<S> {
     }
 }
 
-/// A later question, for pieces that begin at collisions: do they touch in the window, after the later one has begun with them clear
-/// of each other and approaching, and do they belong to two balls that have not parted before?
+/// The question for pieces that begin at collisions: do they touch in the window, after the later one has begun with them clear of
+/// each other and not receding, and are they of two balls that are not known to have parted before?
 pub struct BallsTouch<S: Simd> {
     minus_contact_squared: S::f32s,
     /// How much less than that the square of a distance is at which any two pieces surely touch.
@@ -279,19 +279,12 @@ impl<S: Simd> BallsTouch<S> {
     pub fn passes(&self, simd: S, row: &Row, partner: u32, columns: Columns<S>) -> S::m32s {
         let [approach, speed, beyond] = encounter(simd, row, columns, self.minus_contact_squared);
         let begin = simd.splat_f32s(row.begin());
-        let later = simd.less_than_f32s(begin, columns.begin);
-        // The partner's pieces from before that have ended then.
-        let not_earlier = simd.greater_than_or_equal_f32s(columns.begin, begin);
-        let of_partner = simd.equal_u32s(columns.ball, simd.splat_u32s(partner));
-        let one_ball = simd.equal_u32s(columns.ball, simd.splat_u32s(row.ball()));
-        let parted = simd.and_m32s(of_partner, simd.not_m32s(not_earlier));
-        // From the later begin on, as from the window's: what is left of the approach, and of the distance.
-        let way = simd.mul_f32s(simd.select_f32s(later, columns.begin, begin), speed);
+        let not_before = simd.greater_than_or_equal_f32s(columns.begin, begin);
+        let later_begin = simd.select_f32s(not_before, columns.begin, begin);
+        // From the later begin on: what is left of the approach, and of the distance.
+        let way = simd.mul_f32s(later_begin, speed);
         let left = simd.sub_f32s(approach, way);
-        let passed = simd.mul_f32s(
-            simd.select_f32s(later, columns.begin, begin),
-            simd.add_f32s(approach, left),
-        );
+        let passed = simd.mul_f32s(later_begin, simd.add_f32s(approach, left));
         let beyond = simd.sub_f32s(beyond, passed);
         let clear = simd.greater_than_or_equal_f32s(beyond, self.minus_margin);
         let approaching = simd.greater_than_f32s(left, self.least_approach);
@@ -299,8 +292,12 @@ impl<S: Simd> BallsTouch<S> {
         let when = simd.min_f32s(left, simd.sub_f32s(speed, way));
         let twice = simd.add_f32s(left, simd.sub_f32s(left, when));
         let touch = simd.less_than_f32s(simd.mul_f32s(speed, beyond), simd.mul_f32s(when, twice));
-        let pass = simd.and_m32s(simd.and_m32s(touch, clear), approaching);
-        simd.and_m32s(pass, simd.not_m32s(simd.or_m32s(one_ball, parted)))
+        let may_meet = simd.and_m32s(simd.and_m32s(touch, clear), approaching);
+        // What the partner was on before this piece began has ended then.
+        let of_partner = simd.equal_u32s(columns.ball, simd.splat_u32s(partner));
+        let ended = simd.and_m32s(of_partner, simd.not_m32s(not_before));
+        let one_ball = simd.equal_u32s(columns.ball, simd.splat_u32s(row.ball()));
+        simd.and_m32s(may_meet, simd.not_m32s(simd.or_m32s(one_ball, ended)))
     }
 }
 

@@ -157,3 +157,69 @@ impl Sheet {
         self.count += 1;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use pulp::{Arch, Scalar, WithSimd};
+
+    use super::*;
+
+    struct Fill<'a>(&'a mut Sheet, Numbers);
+
+    /// Rows that hold numbers.
+    struct Numbers(Vec<Entry>);
+
+    impl Rows for Numbers {
+        fn entries(&self) -> &[Entry] {
+            &self.0
+        }
+
+        fn row(&self, entry: Entry) -> Row {
+            Line(std::array::from_fn(|column| {
+                (10 * entry as usize + column) as f32
+            }))
+        }
+
+        fn partner(&self, _: Entry) -> u32 {
+            unreachable!("a sheet holds rows alone")
+        }
+    }
+
+    impl WithSimd for Fill<'_> {
+        type Output = ();
+
+        fn with_simd<S: Simd>(self, simd: S) {
+            self.0.fill(simd, &self.1, self.1.entries());
+        }
+    }
+
+    #[test]
+    fn columns_hold_the_rows_and_then_nobody() {
+        let (mut fast, mut plain) = (Sheet::default(), Sheet::default());
+        // So many at once and one by one.
+        for (first, count) in [(3, 8), (0, 3), (21, 40), (40, 41), (16, 49), (5, 5)] {
+            let numbers = |count: u32| Numbers((0..count).collect());
+            Arch::new().dispatch(Fill(&mut fast, numbers(first)));
+            Fill(&mut plain, numbers(first)).with_simd(Scalar::new());
+            for sheet in [&mut fast, &mut plain] {
+                for entry in first..count {
+                    sheet.push(numbers(count).row(entry));
+                }
+                let count = count as usize;
+                assert_eq!(sheet.rows().len(), count);
+                for (place, block) in sheet.blocks().iter().enumerate() {
+                    for (column, values) in block.0.iter().enumerate() {
+                        for (lane, &value) in values.iter().enumerate() {
+                            let number = place * LANES + lane;
+                            match (number < count, column) {
+                                (true, _) => assert_eq!(value, (10 * number + column) as f32),
+                                (false, 0..3) => assert!(value.is_nan()),
+                                (false, _) => assert_eq!(value, 0.0),
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

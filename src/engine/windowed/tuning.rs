@@ -33,8 +33,8 @@ const FEW_BALLS: usize = 1000;
 
 /// From which mean spacing in diameters on it is, with so many balls; and how much less that is with each doubling of their number
 /// (measured).
-const DILUTE: (usize, f64) = (4096, 2.7);
-const LESS_PER_DOUBLING: f64 = 0.34;
+const DILUTE: (usize, f64) = (4096, 1.3);
+const LESS_PER_DOUBLING: f64 = 0.03;
 
 /// The least such spacing (measured).
 const DENSEST: f64 = 1.15;

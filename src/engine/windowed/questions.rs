@@ -165,7 +165,8 @@ pub fn cannot_meet_here<S: Simd>(
     }
     let later = simd.less_than_f32s(latest, later_begin);
     latest = simd.select_f32s(later, later_begin, latest);
-    // Who is inside the other then has met it before, or what it comes from has: not both of them come about.
+    // Who is inside the other then has met it before, or what it comes from has: not both of them come about. How far a scene's balls
+    // may overlap is far below the margin.
     let way = simd.mul_f32s(later_begin, speed_squared);
     let change = simd.add_f32s(way, simd.add_f32s(recession, recession));
     let inside_then = simd.mul_add_e_f32s(later_begin, change, inside);

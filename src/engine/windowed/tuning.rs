@@ -110,7 +110,8 @@ fn transit(cell_width: f64) -> f64 {
     CROSSINGS_PER_WINDOW * cell_width / CROSSINGS_PER_WIDTH
 }
 
-/// How often a ball meets another as it flies so far: from kinetic theory with the contact value of Carnahan and Starling \[1 / length\].
+/// How often a ball meets another, for each length that it flies, the root mean square of a component \[1 / length\]: from kinetic
+/// theory with the contact value of Carnahan and Starling.
 fn collision_rate(state: &State) -> f64 {
     let count = state.ball_count() as f64;
     let volume = state.domain.volume();

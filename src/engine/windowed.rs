@@ -9,6 +9,10 @@
 //!    prediction. The pieces that will follow are listed and tested at once, while their surroundings are at hand (`region.rs`).
 //! 3. **Commit** the meetings in order of time (`commits.rs`). One is valid if both pieces are then their balls' present flights.
 //!
+//! In a dense gas balls do not get far between their collisions. There a window begins with a note of everybody's *neighbours*: all
+//! whom a ball may touch in it, whatever happens to both of them. Nothing is foreseen then, but at each collision the two balls look
+//! at their neighbours (`looking.rs`). A window is cut short where a ball gets faster than that allows.
+//!
 //! What always holds: every two pieces are tested when the later one is listed, in the cell of their contact point; whether a
 //! piece has begun or ended before a meeting is settled when that meeting's turn comes; among collisions at one instant, a turn
 //! that came before its cause is taken up again. So the collisions are those of the true dynamics, and since predictions are pure
@@ -21,9 +25,12 @@
 
 mod commits;
 mod filter;
+mod follow_ups;
 mod grid;
 mod listing;
+mod looking;
 mod meeting;
+mod neighbours;
 mod paths;
 mod pieces;
 mod questions;
@@ -37,12 +44,11 @@ mod touch;
 mod tuning;
 mod ways;
 
-use std::collections::BinaryHeap;
-
 use crate::engine::contact::InstantWatch;
 use crate::engine::{Counters, Engine, Saved, Stuck, Tally};
 use crate::event::Collision;
 use crate::state::{Placement, State, Time};
+use follow_ups::FollowUps;
 use grid::Grid;
 use listing::Flights;
 use meeting::{Agenda, Meeting};
@@ -61,6 +67,9 @@ const WINDOWS_PER_SORT: u32 = 5;
 
 /// Collisions per ball with which a window is full, because its length was foreseen for a gas with room.
 const MOST_PER_WINDOW: usize = 4;
+
+/// Meetings known at a window's beginning for each slice of those that are found in it.
+const MEETINGS_PER_SLICE: usize = 16;
 
 /// Fewest balls for a thread: it must have enough to do to be worth starting.
 const BALLS_PER_THREAD: usize = 10_000;
@@ -92,6 +101,12 @@ pub struct Windowed {
     turns: usize,
     /// Largest speed of any piece since the balls were sorted.
     fastest: f32,
+    /// How far a ball may get in a window, in grid lengths, in windows in which every ball knows its neighbours.
+    drift: Option<f32>,
+    /// Flights begun in such a window.
+    begun: usize,
+    /// Whether a ball has become faster than that allows.
+    too_fast: bool,
     /// How often the balls have been sorted.
     sorts: u32,
     /// What the windows since the last time took.
@@ -101,7 +116,9 @@ pub struct Windowed {
     /// Meetings found before the window's commits began, but for those that are done.
     agenda: Agenda,
     /// Meetings of pieces that began during the commits.
-    follow_ups: BinaryHeap<Meeting>,
+    follow_ups: FollowUps,
+    /// Meetings that a ball has just seen.
+    seen: Vec<Meeting>,
     /// Meetings of the instant that has been reached which were not valid when their turn came.
     put_off: Vec<Meeting>,
     instants: InstantWatch,
@@ -189,7 +206,7 @@ impl Windowed {
             }
             if full {
                 self.windows_since_sort = WINDOWS_PER_SORT;
-                if self.state.now == window.begin {
+                if self.state.now == window.begin && !self.too_fast {
                     return Ok(false);
                 }
             }
@@ -233,8 +250,12 @@ impl Windowed {
             paying: true,
             turns: 0,
             fastest: 0.0,
+            drift: None,
+            begun: 0,
+            too_fast: false,
             agenda: Agenda::new(region_count),
-            follow_ups: BinaryHeap::new(),
+            follow_ups: FollowUps::default(),
+            seen: Vec::new(),
             put_off: Vec::new(),
             instants: InstantWatch::default(),
             counters: Counters::default(),
@@ -269,13 +290,15 @@ impl Windowed {
             per_epoch: 1.0 / self.length,
             speed_scale: self.grid.scale * self.length,
             slack: 2.0 * self.line_error() + grid::SLACK,
+            drift: self.drift.map(f64::from),
         }
     }
 
     /// By how much a line's position may be wrong, in grid lengths: by the rounding at each of the windows since it was made,
     /// and by that of its velocity.
     fn line_error(&self) -> f64 {
-        let extent = self.grid.extent() + 4.0 * f64::from(self.fastest);
+        let fastest = f64::from(self.drift.unwrap_or(self.fastest));
+        let extent = self.grid.extent() + 4.0 * fastest;
         f64::from(f32::EPSILON) * f64::from(WINDOWS_PER_SORT + 4) * extent
     }
 
@@ -283,6 +306,7 @@ impl Windowed {
     fn open(&mut self) -> Window {
         self.windows_since_sort += 1;
         self.turns = 0;
+        (self.begun, self.too_fast) = (0, false);
         let window = self.next_window();
         for (past, pieces) in self.past.0.iter_mut().zip(&mut self.pieces) {
             for (past, pieces) in past.iter_mut().zip(pieces) {
@@ -300,7 +324,7 @@ impl Windowed {
             off_middle: 0.5 * (most - least) * self.grid.scale,
             position: self.line_error(),
             edges: self.grid.edges,
-            fastest: self.fastest,
+            fastest: self.drift.unwrap_or(self.fastest),
         };
         let advance = f32::from(std::mem::replace(&mut self.behind, true));
         let mut lines = std::mem::take(&mut self.lines);
@@ -312,7 +336,7 @@ impl Windowed {
         let shares = by_region(&mut lines, &regions);
         let lists = regions.iter_mut().zip(shares).zip(firsts.iter_mut());
         self.team.work(lists, |((region, lines), firsts)| {
-            let radii = if self.radii.is_empty() {
+            let radii = if self.radii.is_empty() || self.drift.is_some() {
                 &[]
             } else {
                 &self.radii[region.flights.clone()]
@@ -320,7 +344,7 @@ impl Windowed {
             let flights = Flights {
                 lines,
                 radii,
-                past: &self.past,
+                past: self.drift.is_none().then_some(&self.past),
                 advance,
             };
             region.list(gas, flights, margins, firsts);
@@ -332,13 +356,23 @@ impl Windowed {
             kinds: [firsts, &[], &[]],
         };
         let mail = outboxes(&mut regions);
-        self.team.work(
-            regions.iter_mut().zip(fresh.iter_mut()),
-            |(region, fresh)| region.find(shelves, &mail, (FRESH, fresh)),
-        );
+        if self.drift.is_some() {
+            self.team.work(regions.iter_mut(), |region| {
+                region.find_neighbours(shelves, &mail)
+            });
+        } else {
+            self.team.work(
+                regions.iter_mut().zip(fresh.iter_mut()),
+                |(region, fresh)| region.find(shelves, &mail, (FRESH, fresh)),
+            );
+        }
         shelves.kinds[FRESH] = fresh;
         let mail = outboxes(&mut regions);
-        if mail.iter().any(|mail| !mail.is_empty()) {
+        if self.drift.is_some() {
+            self.team.work(regions.iter_mut(), |region| {
+                region.deliver_neighbours(mail.iter().flatten())
+            });
+        } else if mail.iter().any(|mail| !mail.is_empty()) {
             // What was foreseen across a region's border is listed and tested there, now that all have finished.
             self.team.work(
                 regions.iter_mut().zip(later.iter_mut()),
@@ -352,6 +386,8 @@ impl Windowed {
         }
         let found: Vec<_> = regions.iter().map(|region| &region.meetings[..]).collect();
         self.agenda.fill(&self.team, &found, window.span());
+        let slices = self.agenda.left() / MEETINGS_PER_SLICE + 1;
+        self.follow_ups.begin(window.span(), slices);
         for region in &mut regions {
             region.meetings.empty();
         }

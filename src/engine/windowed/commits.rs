@@ -9,14 +9,13 @@ use prefetch_index::prefetch_index;
 
 use super::meeting::{Bound, Meeting};
 use super::paths::Window;
-use super::pieces::{Id, LATER, NONE, Origin};
-use super::region::shift_by;
+use super::pieces::{Id, LATER, Line, NONE, Origin};
 use super::shelves::Shelves;
-use super::{MOST_PER_WINDOW, Windowed};
+use super::{MOST_PER_WINDOW, Windowed, looking};
 use crate::engine::Stuck;
 use crate::engine::contact;
 use crate::event::{Collision, Participants, Wall};
-use crate::state::{Time, Trajectory};
+use crate::state::{State, Time, Trajectory};
 
 /// How many meetings ahead of their turn balls are asked for.
 const READ_AHEAD: usize = 24;
@@ -36,7 +35,7 @@ impl Windowed {
                 Some(bound) => self.meet_bound(meeting, bound, window, report)?,
                 None => self.meet(meeting, window, report)?,
             }
-            if self.turns > most {
+            if self.turns > most || self.too_fast {
                 return Ok(true);
             }
         }
@@ -46,8 +45,11 @@ impl Windowed {
     /// The next meeting in order, if it comes no later than `limit`.
     #[inline]
     fn take_next(&mut self, limit: f64) -> Option<Meeting> {
+        if self.follow_ups.is_slice_done() {
+            self.go_on();
+        }
         let found = self.agenda.next();
-        let follow_up = self.follow_ups.peek();
+        let follow_up = self.follow_ups.next();
         let from_follow_ups = match (found, follow_up) {
             (Some(found), Some(follow_up)) => follow_up.order(found) == Ordering::Less,
             (found, _) => found.is_none(),
@@ -63,20 +65,37 @@ impl Windowed {
         Some(next)
     }
 
+    /// Goes on to the next slice of what has been found since the window began, and asks for the memory of its balls.
+    fn go_on(&mut self) {
+        let [next, later] = self.follow_ups.go_on();
+        let (state, lines, regions) = (&self.state, &self.lines, &self.regions);
+        for meeting in later {
+            read_ahead(state, lines, meeting);
+        }
+        if self.drift.is_some() {
+            for meeting in later {
+                looking::read_lists_ahead(regions, meeting);
+            }
+            for meeting in next {
+                looking::read_neighbours_ahead(regions, lines, meeting);
+            }
+        }
+    }
+
     /// Asks for the memory of balls whose turn comes soon.
     #[inline]
     fn read_ahead(&self) {
-        let Some(meeting) = self.agenda.later(READ_AHEAD) else {
-            return;
-        };
-        let (ball, other) = meeting.rank;
-        // The number of a bound names a ball, too, if not one that is needed.
-        for ball in [ball, other] {
-            prefetch_index(&self.state.trajectories, ball as usize);
-            prefetch_index(&self.state.collisions, ball as usize);
+        let (state, lines, regions) = (&self.state, &self.lines, &self.regions);
+        if let Some(meeting) = self.agenda.later(READ_AHEAD) {
+            read_ahead(state, lines, meeting);
+            if self.drift.is_some() {
+                looking::read_lists_ahead(regions, meeting);
+            }
         }
-        for owner in meeting.owners {
-            prefetch_index(&self.lines, owner as usize);
+        if self.drift.is_some()
+            && let Some(meeting) = self.agenda.later(READ_AHEAD / 2)
+        {
+            looking::read_neighbours_ahead(regions, lines, meeting);
         }
     }
 
@@ -145,8 +164,8 @@ impl Windowed {
         let (after, collision) = self.gas(window).after(ball, before, bound, time);
         if let Participants::Face(_, Wall { axis, upper }) = collision.participants {
             self.state.images[ball as usize][axis] += if upper { 1 } else { -1 };
-            self.lines[owner as usize].set_link(meeting.next[0]);
-            self.state.trajectories[ball as usize] = after;
+            self.begin_flight(ball, owner, meeting.next[0], after);
+            self.follow_across_face(owner, axis, upper);
         } else {
             match bound {
                 Bound::Wall(_) => self.counters.wall_collisions += 1,
@@ -157,6 +176,7 @@ impl Windowed {
                 .note(&collision, &watched, &mut self.counters)?;
             self.turn(ball, owner, meeting.next[0], after);
         }
+        self.look(owner, NONE, window);
         self.take_up(meeting.time);
         report(&collision);
         Ok(())
@@ -182,14 +202,14 @@ impl Windowed {
         let balls = [meeting.rank.0, meeting.rank.1];
         let before = balls.map(|ball| self.state.trajectories[ball as usize]);
         let bodies = balls.map(|ball| self.state.bodies.of(ball as usize));
-        let shift = shift_by(&self.gas(window), meeting.image);
+        let shift = self.gas(window).shift_by(meeting.image);
         let (after, collision) = contact::pair(balls, before, bodies, shift, now);
         self.counters.pair_collisions += 1;
         let watched = balls.map(|ball| (ball, self.last_contact(ball)));
         self.instants
             .note(&collision, &watched, &mut self.counters)?;
         // A late collision does not happen where it was foreseen.
-        let foreseen = meeting.next[0] != NONE && !late;
+        let foreseen = self.drift.is_some() || (meeting.next[0] != NONE && !late);
         let next = if foreseen {
             meeting.next
         } else {
@@ -207,6 +227,9 @@ impl Windowed {
         };
         for one in [0, 1] {
             self.turn(balls[one], owners[one], next[one], after[one]);
+        }
+        for one in [0, 1] {
+            self.look(owners[one], balls[1 - one], window);
         }
         self.take_up(meeting.time);
         report(&collision);
@@ -235,7 +258,9 @@ impl Windowed {
             region.visit(&shelves, &passages);
         }
         for region in &mut regions {
-            self.follow_ups.extend(region.meetings.drain(..));
+            for meeting in region.meetings.drain(..) {
+                self.follow_ups.push(meeting);
+            }
         }
         self.regions = regions;
         id
@@ -245,14 +270,34 @@ impl Windowed {
     #[inline]
     fn turn(&mut self, ball: u32, owner: Id, piece: Id, after: Trajectory) {
         self.turns += 1;
+        self.begin_flight(ball, owner, piece, after);
+        self.state.collisions[ball as usize] += 1;
+    }
+
+    /// A ball goes on along another piece.
+    #[inline]
+    fn begin_flight(&mut self, ball: u32, owner: Id, piece: Id, after: Trajectory) {
         self.lines[owner as usize].set_link(piece);
         self.state.trajectories[ball as usize] = after;
-        self.state.collisions[ball as usize] += 1;
     }
 
     /// When a ball's last collision was, if it had one.
     fn last_contact(&self, ball: u32) -> Option<Time> {
         let ball = ball as usize;
         (self.state.collisions[ball] > 0).then(|| self.state.trajectories[ball].begin)
+    }
+}
+
+/// Asks for the memory of a meeting's balls.
+#[inline]
+fn read_ahead(state: &State, lines: &[Line], meeting: &Meeting) {
+    let (ball, other) = meeting.rank;
+    // The number of a bound names a ball, too, if not one that is needed.
+    for ball in [ball, other] {
+        prefetch_index(&state.trajectories, ball as usize);
+        prefetch_index(&state.collisions, ball as usize);
+    }
+    for owner in meeting.owners {
+        prefetch_index(lines, owner as usize);
     }
 }

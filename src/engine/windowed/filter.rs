@@ -7,6 +7,8 @@
 //!
 //! All is in grid lengths and windows: the window lasts from time 0 to time 1.
 
+mod neighbours;
+
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
 use super::questions::{
@@ -23,6 +25,7 @@ pub struct Filter {
     machine: Arch,
     hits: Vec<Hits>,
     pairs: Vec<(u32, u32)>,
+    touching: Vec<bool>,
     margins: Margins,
     limits: Limits,
 }
@@ -33,6 +36,7 @@ impl Default for Filter {
             machine: Arch::new(),
             hits: Vec::new(),
             pairs: Vec::new(),
+            touching: Vec::new(),
             margins: Margins::default(),
             limits: Limits::default(),
         }

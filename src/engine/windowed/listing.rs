@@ -54,7 +54,7 @@ struct Turned {
 impl Turned {
     /// Finds them among a block's lines and asks for the memory of their pieces.
     #[inline(always)]
-    fn read_ahead(lines: &[Line], past: &Past, numbering: Numbering) -> Self {
+    fn read_ahead(lines: &[Line], past: Option<&Past>, numbering: Numbering) -> Self {
         let mut turned = Self {
             lanes: [0; BLOCK],
             count: 0,
@@ -63,8 +63,10 @@ impl Turned {
             turned.lanes[turned.count] = lane as u8;
             turned.count += usize::from(line.link() != NONE);
         }
-        for &lane in turned.lanes() {
-            past.read_ahead(numbering, lines[lane as usize].link());
+        if let Some(past) = past {
+            for &lane in turned.lanes() {
+                past.read_ahead(numbering, lines[lane as usize].link());
+            }
         }
         turned
     }
@@ -79,10 +81,10 @@ impl Turned {
 pub struct Flights<'a> {
     /// Their lines.
     pub lines: &'a mut [Line],
-    /// Their radii in grid lengths, if not all are alike.
+    /// Their radii in grid lengths, unless all are taken for alike.
     pub radii: &'a [f32],
-    /// The pieces with which balls left the last window.
-    pub past: &'a Past,
+    /// The pieces with which balls left the last window, if they did not do so along their lines.
+    pub past: Option<&'a Past>,
     /// One to move all on by a window, zero if they are at its beginning.
     pub advance: f32,
 }
@@ -146,7 +148,9 @@ impl<'f> WithSimd for Listing<'_, 'f> {
             }
             for &lane in turned.lanes() {
                 let line = &mut lines[lane as usize];
-                *line = *past.line(self.gas.numbering, line.link());
+                if let Some(past) = past {
+                    *line = *past.line(self.gas.numbering, line.link());
+                }
                 line.set_link(NONE);
             }
             let count_of_lines = lines.len();

@@ -7,7 +7,7 @@ use super::grid::Grid;
 use super::meeting::{AT_BOUNDARY, Bound, Meeting};
 use super::pieces::{Id, Line, NONE, Numbering};
 use super::touch::Offsets;
-use crate::collision::{plane_time, wall_time};
+use crate::collision::{image_pair_time, pair_time, plane_time, wall_time};
 use crate::domain::Boundary;
 use crate::engine::contact;
 use crate::event::{Collision, Wall};
@@ -59,6 +59,8 @@ pub struct Gas<'a> {
     pub offsets: &'a Offsets,
     /// By how much a line's position may be wrong, with a margin, in grid lengths.
     pub slack: f64,
+    /// In windows in which every ball knows its neighbours: how far it may get in one, in grid lengths.
+    pub drift: Option<f64>,
 }
 
 impl Gas<'_> {
@@ -89,6 +91,50 @@ impl Gas<'_> {
         self.line(trajectory, ball).beginning(begin)
     }
 
+    /// For each axis the least coordinate, as a line has it, of the flights for which a cell is the first along that axis: of the cells
+    /// in which they are listed as far around as they may get. With a margin, downwards.
+    #[inline]
+    pub fn firsts(&self, cell: usize) -> [f32; 3] {
+        let center = self.grid.center(cell);
+        let reach = self.state.bodies.largest_radius() * self.grid.scale
+            + self.drift.unwrap_or(0.0)
+            - self.slack;
+        std::array::from_fn(|axis| {
+            let edge = self.grid.edges[axis];
+            let lower = center[axis] - 0.5 * edge;
+            if lower < 0.5 * edge && !self.is_periodic() {
+                // Nothing is listed beyond a wall.
+                f32::NEG_INFINITY
+            } else {
+                lower + reach as f32
+            }
+        })
+    }
+
+    /// What so many steps by whole boxes add to a position.
+    #[inline]
+    pub fn shift_by(&self, image: [i8; 3]) -> DVec3 {
+        DVec3::from_array(image.map(f64::from)) * self.state.domain.period()
+    }
+
+    /// When two flights meet that are so far apart at contact, if they do in the window; the first one as it is when moved to an image
+    /// by a shift.
+    #[inline(always)]
+    pub fn pair_time(
+        &self,
+        pair: &[Trajectory; 2],
+        contact: f64,
+        (image, shift): ([i8; 3], DVec3),
+    ) -> Option<Time> {
+        let [first, second] = pair;
+        let time = if image == [0; 3] {
+            pair_time(first, second, contact)
+        } else {
+            image_pair_time(first, second, contact, shift)
+        };
+        time.filter(|&time| time <= self.window.end)
+    }
+
     /// How far a ball's centre gets along an axis, without sign.
     #[inline]
     fn limit(&self, axis: usize, body: Body) -> f64 {
@@ -101,7 +147,12 @@ impl Gas<'_> {
     }
 
     /// What bounds the domain where a flight gets there first in the window, and when.
-    fn next_bound(&self, trajectory: &Trajectory, ball: u32, body: Body) -> Option<(Time, Bound)> {
+    pub fn next_bound(
+        &self,
+        trajectory: &Trajectory,
+        ball: u32,
+        body: Body,
+    ) -> Option<(Time, Bound)> {
         let domain = &self.state.domain;
         let slack = super::grid::SLACK * self.grid.width().min_element();
         let end = trajectory.position_at(self.window.end);
@@ -167,6 +218,27 @@ impl Gas<'_> {
         }
     }
 
+    /// The meeting of a piece with what bounds the domain, of a ball which entered the window with the flight `owner`.
+    #[inline]
+    pub fn meeting_with(
+        &self,
+        bound: Bound,
+        time: Time,
+        piece: Id,
+        (ball, owner): (u32, Id),
+    ) -> Meeting {
+        let number = bound.number();
+        Meeting {
+            time: time.relative_to(self.window.begin.epoch),
+            piece,
+            other: AT_BOUNDARY + number,
+            owners: [owner, NONE],
+            next: [NONE; 2],
+            rank: (ball, number),
+            image: [0; 3],
+        }
+    }
+
     /// Follows a piece of a ball, which entered the window with the flight `owner`, and those after it where it meets what bounds
     /// the domain, to the end of the window: `pass` gets each piece's number with the ends of its way and the ball's radius, `meet`
     /// each such meeting, `add` numbers each further piece.
@@ -195,15 +267,9 @@ impl Gas<'_> {
             let Some((time, bound)) = bound else { return };
             (trajectory, _) = self.after(ball, trajectory, bound, time);
             let next = add(&trajectory);
-            let number = bound.number();
             meet(Meeting {
-                time: time.relative_to(begin.epoch),
-                piece: id,
-                other: AT_BOUNDARY + number,
-                owners: [owner, NONE],
                 next: [next, NONE],
-                rank: (ball, number),
-                image: [0; 3],
+                ..self.meeting_with(bound, time, id, (ball, owner))
             });
             id = next;
         }

@@ -43,6 +43,14 @@ pub enum Piece {
     Other(usize, usize, usize),
 }
 
+/// The number of a piece that is no flight, of which so many have begun; where every ball has one at a time.
+///
+/// Taken for f32 it is as good as zero.
+#[inline(always)]
+pub fn first_other(begun: usize) -> Id {
+    (1 << PIECE_BIT) + begun as Id
+}
+
 /// How pieces are numbered: the low bits of those that are no flights say whose they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Numbering {

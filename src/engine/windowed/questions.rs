@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 use pulp::Simd;
 
-use super::sheet::{Block, Columns, Row};
+use super::sheet::{ALL_MARKS, Block, Columns, Row};
 
 /// Share of `|r|^2 |v|^2` by which f32 rounding can change `(r . v)^2 - |v|^2 |r|^2`: some thirty roundings of 2^-24 each at
 /// the most, with a margin.
@@ -232,11 +232,39 @@ pub struct WithinReach<S: Simd> {
 impl<S: Simd> Test<S> for WithinReach<S> {
     #[inline(always)]
     fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
-        let apart = difference(simd, columns.position, splat(simd, row.position()));
-        let velocity = difference(simd, splat(simd, row.velocity()), columns.velocity);
+        let [apart, velocity] = between(simd, row, columns);
         let near = simd.less_than_f32s(dot(simd, apart, apart), self.reach_squared);
         let approach = simd.greater_than_f32s(dot(simd, apart, velocity), self.least_approach);
         simd.and_m32s(near, approach)
+    }
+}
+
+/// Are two flights so near each other at the beginning of a window that they can meet in it, whatever happens to them, and is the cell
+/// the first along each axis for one of them at least?
+pub struct Near<S: Simd> {
+    reach_squared: S::f32s,
+}
+
+impl<S: Simd> Near<S> {
+    /// With these limits, of which the largest speed is one that no flight exceeds.
+    #[inline(always)]
+    pub fn new(simd: S, limits: &Limits) -> Self {
+        Self {
+            reach_squared: simd.splat_f32s(limits.reach_squared),
+        }
+    }
+}
+
+impl<S: Simd> Test<S> for Near<S> {
+    #[inline(always)]
+    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
+        let apart = difference(simd, columns.position, splat(simd, row.position()));
+        let near = simd.less_than_f32s(dot(simd, apart, apart), self.reach_squared);
+        let marks = simd.or_u32s(
+            simd.transmute_u32s_f32s(columns.begin),
+            simd.splat_u32s(row.link()),
+        );
+        simd.and_m32s(near, simd.equal_u32s(marks, simd.splat_u32s(ALL_MARKS)))
     }
 }
 
@@ -246,7 +274,8 @@ pub struct LinesTouch<S: Simd>(pub S::f32s);
 impl<S: Simd> Test<S> for LinesTouch<S> {
     #[inline(always)]
     fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
-        let [approach, speed, beyond] = encounter(simd, row, columns, self.0);
+        let [apart, velocity] = between(simd, row, columns);
+        let [approach, speed, beyond] = encounter(simd, apart, velocity, self.0);
         // (r . v)^2 against |v|^2 (|r|^2 - contact^2).
         let closeness = simd.mul_f32s(approach, simd.max_f32s(approach, simd.splat_f32s(0.0)));
         simd.less_than_f32s(simd.mul_f32s(speed, beyond), closeness)
@@ -275,10 +304,25 @@ impl<S: Simd> BallsTouch<S> {
         }
     }
 
+    /// Which pairs of flights may meet, both from the beginning of the window on.
+    #[inline(always)]
+    pub fn at_first(&self, simd: S, one: Columns<S>, other: Columns<S>) -> S::m32s {
+        let apart = difference(simd, other.position, one.position);
+        let velocity = difference(simd, one.velocity, other.velocity);
+        let [approach, speed, beyond] =
+            encounter(simd, apart, velocity, self.minus_contact_squared);
+        let when = simd.min_f32s(approach, speed);
+        let twice = simd.add_f32s(approach, simd.sub_f32s(approach, when));
+        let touch = simd.less_than_f32s(simd.mul_f32s(speed, beyond), simd.mul_f32s(when, twice));
+        simd.and_m32s(touch, simd.greater_than_f32s(approach, self.least_approach))
+    }
+
     /// Which of them may meet a piece, as far as this tells, that began where its ball met a `partner`.
     #[inline(always)]
     pub fn passes(&self, simd: S, row: &Row, partner: u32, columns: Columns<S>) -> S::m32s {
-        let [approach, speed, beyond] = encounter(simd, row, columns, self.minus_contact_squared);
+        let [apart, velocity] = between(simd, row, columns);
+        let [approach, speed, beyond] =
+            encounter(simd, apart, velocity, self.minus_contact_squared);
         let begin = simd.splat_f32s(row.begin());
         let not_before = simd.greater_than_or_equal_f32s(columns.begin, begin);
         let later_begin = simd.select_f32s(not_before, columns.begin, begin);
@@ -302,17 +346,24 @@ impl<S: Simd> BallsTouch<S> {
     }
 }
 
+/// The way from a row to columns, and the velocity with which it moves towards them.
+#[inline(always)]
+fn between<S: Simd>(simd: S, row: &Row, columns: Columns<S>) -> [[S::f32s; 3]; 2] {
+    [
+        difference(simd, columns.position, splat(simd, row.position())),
+        difference(simd, splat(simd, row.velocity()), columns.velocity),
+    ]
+}
+
 /// Of pieces at a distance `r` and with a relative velocity `v`: `- r . v`, positive if they approach; `|v|^2`; and `|r|^2` but for
 /// the square of the contact distance.
 #[inline(always)]
 fn encounter<S: Simd>(
     simd: S,
-    row: &Row,
-    columns: Columns<S>,
+    apart: [S::f32s; 3],
+    velocity: [S::f32s; 3],
     minus_contact_squared: S::f32s,
 ) -> [S::f32s; 3] {
-    let apart = difference(simd, columns.position, splat(simd, row.position()));
-    let velocity = difference(simd, splat(simd, row.velocity()), columns.velocity);
     let beyond = simd.mul_add_e_f32s(apart[0], apart[0], minus_contact_squared);
     let beyond = simd.mul_add_e_f32s(apart[1], apart[1], beyond);
     let beyond = simd.mul_add_e_f32s(apart[2], apart[2], beyond);

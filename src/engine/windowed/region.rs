@@ -3,6 +3,8 @@
 //! Threads share what is fixed in a phase and own their region; what concerns another region's cells goes into an outbox that
 //! is delivered between the phases. How many regions there are changes no meeting.
 
+mod neighbours;
+
 use std::ops::Range;
 
 use glam::DVec3;
@@ -13,6 +15,7 @@ use super::filter::Filter;
 use super::grid::{Census, Entry, Lists};
 use super::listing::{Flights, Listing};
 use super::meeting::Meeting;
+use super::neighbours::Neighbours;
 use super::paths::Gas;
 use super::pieces::{FIRST, Id, Line, NONE, Origin, Piece, Pieces};
 use super::questions::Margins;
@@ -20,7 +23,6 @@ use super::scratch::Scratch;
 use super::sheet::Sheet;
 use super::shelves::{Images, Passers, Shelves, View};
 use super::ways::Ways;
-use crate::collision::{image_pair_time, pair_time};
 use crate::engine::contact;
 use crate::engine::image::{image_of, number_of, steps_of};
 use crate::state::Trajectory;
@@ -58,26 +60,23 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// The meeting of two pieces in the window, if they meet in this cell.
-    #[inline]
-    fn meeting(&self, view: &View, pair: &[Trajectory; 2]) -> Option<Meeting> {
-        let gas = &view.shelves.gas;
-        let bodies = self.balls.map(|ball| gas.body(ball));
-        let [radius, other_radius] = bodies.map(|body| body.radius);
+    /// The meeting of two pieces in the window, if there is one. Given a `cell`, if it is there.
+    #[inline(always)]
+    fn meeting(&self, gas: &Gas, pair: &[Trajectory; 2], cell: Option<u32>) -> Option<Meeting> {
+        let [radius, other_radius] = self.balls.map(|ball| gas.body(ball).radius);
         let contact = radius + other_radius;
         let (image, shift) = self.image(gas);
-        let time = if image == [0; 3] {
-            pair_time(&pair[0], &pair[1], contact)
-        } else {
-            image_pair_time(&pair[0], &pair[1], contact, shift)
+        let time = gas.pair_time(pair, contact, (image, shift))?;
+        if let Some(cell) = cell {
+            let place = pair[0].position_at(time);
+            let other = pair[1].position_at(time) - shift;
+            let point = place + (other - place) * (radius / contact);
+            let here = cell | (self.entries[0] - number_of(self.entries[0]));
+            if gas.grid.target_at(point) != here {
+                return None;
+            }
         }
-        .filter(|&time| time <= gas.window.end)?;
-        // Only the cell that holds the contact point counts the meeting: both are listed there.
-        let place = pair[0].position_at(time);
-        let other = pair[1].position_at(time) - shift;
-        let point = place + (other - place) * (radius / contact);
-        let here = self.cell | (self.entries[0] - number_of(self.entries[0]));
-        (gas.grid.target_at(point) == here).then(|| Meeting {
+        Some(Meeting {
             time: time.relative_to(gas.window.begin.epoch),
             piece: number_of(self.entries[0]),
             other: number_of(self.entries[1]),
@@ -97,13 +96,8 @@ impl Candidate {
         }
         let [first, second] = images.map(steps_of);
         let image = std::array::from_fn(|axis| first[axis] - second[axis]);
-        (image, shift_by(gas, image))
+        (image, gas.shift_by(image))
     }
-}
-
-/// What so many steps by whole boxes add to a position.
-pub fn shift_by(gas: &Gas, image: [i8; 3]) -> DVec3 {
-    DVec3::from_array(image.map(f64::from)) * gas.state.domain.period()
 }
 
 /// What one thread lists and searches.
@@ -117,6 +111,8 @@ pub struct Region {
     pub lists: Lists,
     /// How often the flights pass its cells in the window, and how many pairs of them pass one cell.
     pub census: Census,
+    /// In windows in which every ball knows its neighbours: those of each flight, at their images.
+    pub neighbours: Neighbours,
     /// Meetings found here.
     pub meetings: Scratch<Meeting>,
     /// Passages through other regions' cells.
@@ -225,6 +221,10 @@ impl Region {
             self.aside_loaded.extend(aside.iter().map(flight));
             for (&flight, index) in aside.iter().zip(0..) {
                 let trajectory = self.aside_loaded[index];
+                if gas.drift.is_some() {
+                    self.list_around(gas, flight, &trajectory, ball(flight));
+                    continue;
+                }
                 self.trace(
                     gas,
                     flight,
@@ -487,7 +487,8 @@ impl Region {
         }));
         for (index, candidate) in candidates.iter().enumerate() {
             let pair = self.loaded[index];
-            let Some(mut meeting) = candidate.meeting(&view(shelves, own.as_deref()), &pair) else {
+            // Only the cell that holds the contact point counts a meeting: both are listed there.
+            let Some(mut meeting) = candidate.meeting(&gas, &pair, Some(candidate.cell)) else {
                 continue;
             };
             let ids = [meeting.piece, meeting.other];

@@ -14,6 +14,9 @@ pub const LANES: usize = 16;
 /// Parts of a block that are turned one by one.
 pub const PARTS: usize = LANES / SIDE;
 
+/// The column of begins, or of marks.
+const MARK: usize = 7;
+
 /// A piece in a cell, at the image that is there.
 pub type Row = Line;
 
@@ -29,8 +32,10 @@ pub trait Rows {
     fn partner(&self, entry: Entry) -> u32;
 }
 
-/// What stands for no piece: no comparison with what is no number holds.
-const NOBODY: Row = Line([f32::NAN, f32::NAN, f32::NAN, 0.0, 0.0, 0.0, 0.0, 0.0]);
+impl Row {
+    /// What stands for no piece: no comparison with what is no number holds.
+    pub const NOBODY: Self = Line([f32::NAN, f32::NAN, f32::NAN, 0.0, 0.0, 0.0, 0.0, 0.0]);
+}
 
 /// The columns of some rows, as those are.
 #[derive(Clone, Copy, Debug, Default)]
@@ -42,7 +47,7 @@ const NOBODIES: Block = {
     let mut columns = [[0.0; LANES]; SIDE];
     let mut column = 0;
     while column < SIDE {
-        columns[column] = [NOBODY.0[column]; LANES];
+        columns[column] = [Row::NOBODY.0[column]; LANES];
         column += 1;
     }
     Block(columns)
@@ -54,9 +59,12 @@ pub struct Columns<S: Simd> {
     pub position: [S::f32s; 3],
     pub velocity: [S::f32s; 3],
     pub ball: S::u32s,
-    /// Of a flight no number, or as good as zero.
+    /// Of a flight no number, or as good as zero; or its marks, by their bits.
     pub begin: S::f32s,
 }
+
+/// All that a row may be marked with.
+pub const ALL_MARKS: u32 = 0b111;
 
 impl Block {
     /// Fills one of its parts from rows.
@@ -86,7 +94,7 @@ impl Block {
             position: [column(0), column(1), column(2)],
             velocity: [column(3), column(4), column(5)],
             ball: S::as_simd_u32s(balls).0[vector],
-            begin: column(7),
+            begin: column(MARK),
         }
     }
 }
@@ -124,7 +132,7 @@ impl Sheet {
     pub fn fill<S: Simd>(&mut self, simd: S, pieces: &impl Rows, entries: &[Entry]) {
         let padded = entries.len().next_multiple_of(LANES);
         if padded > self.rows.len() {
-            self.rows.resize(padded, NOBODY);
+            self.rows.resize(padded, Row::NOBODY);
             self.blocks.resize(padded / LANES, Block::default());
         }
         self.count = entries.len();
@@ -132,11 +140,35 @@ impl Sheet {
         for (row, &entry) in rows.iter_mut().zip(entries) {
             *row = pieces.row(entry);
         }
-        nobody.fill(NOBODY);
+        nobody.fill(Row::NOBODY);
         let rows = self.rows[..padded].as_chunks::<SIDE>().0;
         for (number, rows) in rows.iter().enumerate() {
             let block = &mut self.blocks[number / PARTS];
             block.turn(simd, number % PARTS, rows);
+        }
+    }
+
+    /// Notes of each row along which axes its coordinate is no less than that of `firsts`, `x` in the lowest bit: in place of its
+    /// begin.
+    #[inline(always)]
+    pub fn mark<S: Simd>(&mut self, simd: S, firsts: [f32; 3]) {
+        let blocks = &mut self.blocks[..self.count.div_ceil(LANES)];
+        for (block, rows) in blocks.iter_mut().zip(self.rows.chunks_mut(LANES)) {
+            for vector in 0..LANES / S::F32_LANES {
+                let mut marks = simd.splat_u32s(0);
+                for (axis, first) in firsts.into_iter().enumerate() {
+                    let place = S::as_simd_f32s(&block.0[axis]).0[vector];
+                    let is_first = simd.greater_than_or_equal_f32s(place, simd.splat_f32s(first));
+                    let mark =
+                        simd.select_u32s(is_first, simd.splat_u32s(1 << axis), simd.splat_u32s(0));
+                    marks = simd.or_u32s(marks, mark);
+                }
+                let marks = simd.transmute_f32s_u32s(marks);
+                S::as_mut_simd_f32s(&mut block.0[MARK]).0[vector] = marks;
+            }
+            for (row, &mark) in rows.iter_mut().zip(&block.0[MARK]) {
+                row.0[MARK] = mark;
+            }
         }
     }
 
@@ -147,7 +179,7 @@ impl Sheet {
         if lane == 0 {
             let padded = self.count + LANES;
             if padded > self.rows.len() {
-                self.rows.resize(padded, NOBODY);
+                self.rows.resize(padded, Row::NOBODY);
                 self.blocks.resize(padded / LANES, Block::default());
             }
             self.blocks[block] = NOBODIES;

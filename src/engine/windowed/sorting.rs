@@ -1,6 +1,5 @@
 //! Sorts the balls by where they are, and settles from the state and from counts how the windows until the next sorting are.
 
-use glam::DVec3;
 use prefetch_index::prefetch_index;
 
 use super::pieces::{Line, NONE, Piece};
@@ -19,7 +18,7 @@ impl Windowed {
         let share = f32::from(self.behind);
         let cell_of = |line: &Line| {
             let line = match self.numbering.piece(line.link()) {
-                _ if line.link() == NONE => line,
+                _ if line.link() == NONE || self.drift.is_some() => line,
                 Piece::Other(kind, region, place) => &self.pieces[kind][region].lines[place],
                 Piece::Flight(_) => unreachable!("a ball leaves its flight along another piece"),
             };
@@ -98,20 +97,25 @@ impl Windowed {
     fn tune(&mut self) {
         let count = self.lines.len() as f64;
         // Sums of so many balls each: rounding must not depend on the number of threads.
-        let mut squares = vec![0.0; self.lines.len().div_ceil(BALLS_AT_ONCE)];
+        let mut squares = vec![(0.0, 0.0); self.lines.len().div_ceil(BALLS_AT_ONCE)];
         let share = squares.len().div_ceil(self.regions.len());
         let flights = self.state.trajectories.chunks(share * BALLS_AT_ONCE);
         self.team
             .work(flights.zip(squares.chunks_mut(share)), |(flights, sums)| {
                 for (flights, sum) in flights.chunks(BALLS_AT_ONCE).zip(sums) {
-                    let velocities = flights.iter().map(|flight| flight.velocity);
-                    *sum = velocities.map(DVec3::length_squared).sum();
+                    *sum = flights.iter().fold((0.0, 0.0), |(sum, most), flight| {
+                        let square = flight.velocity.length_squared();
+                        (sum + square, square.max(most))
+                    });
                 }
             });
-        let squares: f64 = squares.iter().sum();
-        let deviation = (squares / (3.0 * count)).sqrt();
+        let (sum, most) = squares
+            .into_iter()
+            .fold((0.0, 0.0_f64), |(sum, most), (squares, largest)| {
+                (sum + squares, largest.max(most))
+            });
+        let (deviation, fastest) = ((sum / (3.0 * count)).sqrt(), most.sqrt());
         let (then, before) = self.last_sort;
-        self.last_sort = (self.state.now, self.counters.pair_collisions);
         let elapsed = self.state.now.since(then);
         let rate = if elapsed > 0.0 {
             2.0 * (self.counters.pair_collisions - before) as f64 / (count * elapsed)
@@ -119,11 +123,17 @@ impl Windowed {
             0.0
         };
         let width = self.grid.width().min_element();
-        let work = std::mem::take(&mut self.work);
-        // A gas may begin as a lattice, in which hardly anything happens yet: its first windows say little.
-        self.paying = self.sorts < 2 || work.pays(&self.state, width, deviation * elapsed);
-        self.sorts += 1;
-        self.length = tuning::window_length(&self.state, width, deviation, rate);
+        // A window that was cut short says little.
+        if !self.too_fast {
+            self.last_sort = (self.state.now, self.counters.pair_collisions);
+            let work = std::mem::take(&mut self.work);
+            // A gas may begin as a lattice, in which hardly anything happens yet: its first windows say little.
+            self.paying = self.sorts < 2 || work.pays(&self.state, width, deviation * elapsed);
+            self.sorts += 1;
+        }
+        let plan = tuning::Plan::new(&self.state, width, (deviation, fastest), rate);
+        self.length = plan.length;
+        self.drift = plan.drift.map(|drift| (drift * self.grid.scale) as f32);
     }
 }
 

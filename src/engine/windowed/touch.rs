@@ -48,6 +48,8 @@ pub struct Bounds {
     inside: [(f32, f32); 3],
     /// Whether a ball meets a face with its surface.
     hard: f32,
+    /// One if a ball is listed along its path; zero if it is listed where it begins, as far around as it may get.
+    sweep: f32,
 }
 
 impl Bounds {
@@ -60,7 +62,7 @@ impl Bounds {
             ..
         } = *gas.grid;
         let domain = &gas.state.domain;
-        let slack = gas.slack as f32;
+        let slack = (gas.slack + gas.drift.unwrap_or(0.0)) as f32;
         let size = (2.0 * domain.half_size * scale).as_vec3().to_array();
         Self {
             slack,
@@ -70,6 +72,7 @@ impl Bounds {
             strides,
             inside: size.map(|size| (slack, size - slack)),
             hard: if gas.is_periodic() { 0.0 } else { 1.0 },
+            sweep: if gas.drift.is_some() { 0.0 } else { 1.0 },
         }
     }
 }
@@ -217,6 +220,7 @@ fn touch_vector<S: Simd>(simd: S, block: &mut Block, bounds: &Bounds, vector: us
         let from = S::as_simd_f32s(&block.position[axis]).0[vector];
         let from = simd.add_f32s(from, simd.mul_f32s(way, all(advance)));
         S::as_mut_simd_f32s(&mut block.position[axis]).0[vector] = from;
+        let way = simd.mul_f32s(way, all(bounds.sweep));
         let to = simd.add_f32s(from, way);
         let (least, most) = bounds.inside[axis];
         let below = simd.sub_f32s(all(least), simd.min_f32s(from, to));
@@ -333,6 +337,7 @@ mod tests {
             strides: [144, 12, 1],
             inside: EDGES.map(|edge| (1e-4, 10.0 * edge - 1e-4)),
             hard: 1.0,
+            sweep: 1.0,
         }
     }
 

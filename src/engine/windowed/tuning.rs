@@ -1,5 +1,7 @@
 //! How wide the cells and how long the windows are, and which gases the windowed engine suits.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 
 use super::grid::Census;
@@ -8,9 +10,8 @@ use crate::domain::{Boundary, Domain};
 use crate::engine::event_driven;
 use crate::state::{Placement, State, Trajectory};
 
-/// Cell width in mean spacings of the balls, where they change cells before they collide and where they collide before; measured to
-/// be best, and flat around.
-const SPACINGS_PER_CELL: [f64; 2] = [2.7, 3.0];
+/// Cell width in mean spacings of the balls; measured to be best, and flat around.
+const SPACINGS_PER_CELL: f64 = 2.7;
 
 /// Window length in mean times that a ball takes from one cell into the next; measured to be best, and flat around.
 const CROSSINGS_PER_WINDOW: f64 = 1.2;
@@ -22,6 +23,26 @@ const CROSSINGS_PER_WIDTH: f64 = 2.394;
 /// Most collisions of a ball with others in a window, on average; measured to be best, and flat around.
 const COLLISIONS_PER_WINDOW: f64 = 0.25;
 
+/// The same in windows in which every ball knows its neighbours, and how many must fit in for that to be the faster way (measured).
+const COLLISIONS_AMONG_NEIGHBOURS: [f64; 2] = [0.22, 1.0];
+
+/// Balls of average density in a ball's reach in such a window, itself included; measured to be best, and flat around.
+const NEIGHBOURS: f64 = 9.0;
+
+/// How much faster than the fastest ball one may become before such a window must be cut short. Hardly any does: in a gas at rest
+/// the fastest of a million is some five times as fast as `sqrt(k T / m)`.
+const FASTER: f64 = 1.1;
+
+/// How many times as often as in a gas of even density balls collide that are crowded somewhere: the mean density does not tell how
+/// many neighbours these have.
+const CROWDED: f64 = 2.0;
+
+/// Largest radius in smallest ones with which a ball cannot have so many neighbours that lists of them do not fit in memory.
+const ALIKE: f64 = 2.0;
+
+/// Most of a cell's width to which a ball may reach out of it.
+const MOST_REACH: f64 = 0.9;
+
 /// Longest window \[epochs\]: times in it stay exact relative to its first epoch.
 const LONGEST_WINDOW: f64 = 4.0;
 
@@ -29,15 +50,10 @@ const LONGEST_WINDOW: f64 = 4.0;
 const SHORTEST_WINDOW: f64 = 1.0 / (1_u64 << 40) as f64;
 
 /// Fewest balls of which this engine is the faster one (measured).
-const FEW_BALLS: usize = 1000;
+const FEW_BALLS: usize = 200;
 
-/// From which mean spacing in diameters on it is, with so many balls; and how much less that is with each doubling of their number
-/// (measured).
-const DILUTE: (usize, f64) = (4096, 1.3);
-const LESS_PER_DOUBLING: f64 = 0.03;
-
-/// The least such spacing (measured).
-const DENSEST: f64 = 1.15;
+/// From which mean spacing in diameters on it is where balls are not [`ALIKE`] enough to know their neighbours (measured).
+const DILUTE: f64 = 1.3;
 
 /// Largest radius in smallest ones up to which the filter, which knows the largest only, lets little through in vain.
 const SIMILAR_SIZE: f64 = 4.0;
@@ -75,34 +91,80 @@ pub fn pays(gas: &Placement) -> bool {
         .iter()
         .map(|body| body.radius)
         .fold(f64::INFINITY, f64::min);
-    let doublings = (count as f64 / DILUTE.0 as f64).log2();
-    let dilute = (DILUTE.1 - LESS_PER_DOUBLING * doublings).max(DENSEST);
     largest > 0.0
         && count >= FEW_BALLS
         && largest <= SIMILAR_SIZE * smallest
-        && gas.spacing() >= dilute * 2.0 * largest
+        && (largest <= ALIKE * smallest || gas.spacing() >= DILUTE * 2.0 * largest)
         && supports(gas)
 }
 
 /// Least width of a cell \[length\].
 pub fn cell_width(state: &State) -> f64 {
     let spacing = (state.domain.volume() / state.ball_count() as f64).cbrt();
-    let [before, after] = SPACINGS_PER_CELL.map(|spacings| spacings * spacing);
-    let width = if transit(before) * collision_rate(state) < COLLISIONS_PER_WINDOW {
-        before
-    } else {
-        after
-    };
-    width.max(2.02 * state.bodies.largest_radius())
+    (SPACINGS_PER_CELL * spacing).max(2.02 * state.bodies.largest_radius())
 }
 
-/// Length of a window \[epochs\], with cells of this width, for balls whose velocity has components of this root mean square.
-/// `rate` is how often a ball has met another lately, in collisions per epoch.
-pub fn window_length(state: &State, cell_width: f64, deviation: f64, rate: f64) -> f64 {
-    let expected_rate = collision_rate(state) * deviation;
-    (transit(cell_width) / deviation)
-        .min(COLLISIONS_PER_WINDOW / expected_rate.max(rate))
-        .clamp(SHORTEST_WINDOW, LONGEST_WINDOW)
+/// How the next windows are to be.
+#[derive(Clone, Copy, Debug)]
+pub struct Plan {
+    /// How long they are \[epochs\].
+    pub length: f64,
+    /// If every ball is to know its neighbours: how far it may get in one \[length\].
+    pub drift: Option<f64>,
+}
+
+impl Plan {
+    /// With cells of this width, for balls whose velocity has components of this root mean square and of which the fastest is so
+    /// fast. `rate` is how often a ball has met another lately, in collisions per epoch.
+    pub fn new(
+        state: &State,
+        cell_width: f64,
+        (deviation, fastest): (f64, f64),
+        rate: f64,
+    ) -> Self {
+        let expected = collision_rate(state) * deviation;
+        let is_crowd = rate > CROWDED * expected;
+        let rate = rate.max(expected);
+        let length = |collisions: f64| {
+            (transit(cell_width) / deviation)
+                .min(collisions / rate)
+                .clamp(SHORTEST_WINDOW, LONGEST_WINDOW)
+        };
+        let [fewest, most] = COLLISIONS_AMONG_NEIGHBOURS;
+        let (least, radius) = (
+            state.bodies.smallest_radius(),
+            state.bodies.largest_radius(),
+        );
+        let density = state.ball_count() as f64 / state.domain.volume();
+        let reach = (0.75 * NEIGHBOURS / PI / density).cbrt();
+        let fastest = FASTER * fastest;
+        let among_neighbours = length(most).min((0.5 * reach - radius) / fastest);
+        let drift = fastest * among_neighbours;
+        let pays = !is_crowd
+            && among_neighbours >= SHORTEST_WINDOW
+            && among_neighbours * rate >= fewest
+            && radius <= ALIKE * least
+            && radius + drift <= MOST_REACH * cell_width;
+        // In a small box a ball could see two images of another, or a cell images on both its sides.
+        let fits = match state.domain.boundary {
+            Boundary::Periodic => {
+                let period = state.domain.period().min_element();
+                period >= (2.0 * cell_width).max(4.0 * (radius + drift))
+            }
+            Boundary::Container | Boundary::Open => true,
+        };
+        if pays && fits {
+            Self {
+                length: among_neighbours,
+                drift: Some(drift),
+            }
+        } else {
+            Self {
+                length: length(COLLISIONS_PER_WINDOW),
+                drift: None,
+            }
+        }
+    }
 }
 
 /// How far a ball flies in a window as it changes cells of this width: the root mean square of a component.
@@ -116,11 +178,10 @@ fn collision_rate(state: &State) -> f64 {
     let count = state.ball_count() as f64;
     let volume = state.domain.volume();
     let diameter = 2.0 * state.bodies.mean_radius();
-    let packing =
-        (std::f64::consts::PI / 6.0 * diameter * diameter * diameter * count / volume).min(0.7);
+    let packing = (PI / 6.0 * diameter * diameter * diameter * count / volume).min(0.7);
     let contact_value =
         (1.0 - 0.5 * packing) / ((1.0 - packing) * (1.0 - packing) * (1.0 - packing));
-    let section = 4.0 * std::f64::consts::PI.sqrt() * diameter * diameter * contact_value;
+    let section = 4.0 * PI.sqrt() * diameter * diameter * contact_value;
     section * count / volume
 }
 

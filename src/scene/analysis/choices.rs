@@ -12,7 +12,7 @@ const FEW: usize = 64;
 pub fn choices(placement: &Placement) -> Vec<String> {
     let count = placement.positions.len();
     let engine = if Windowed::pays(placement) {
-        "engine auto takes windowed: many balls of like size with room between them"
+        "engine auto takes windowed: many balls of like size"
     } else {
         "engine auto takes event: from collision to collision"
     };

@@ -51,6 +51,7 @@ use crate::state::{Placement, State, Time};
 use follow_ups::FollowUps;
 use grid::Grid;
 use listing::Flights;
+use looking::Glimpse;
 use meeting::{Agenda, Meeting};
 use paths::{Gas, Window};
 use pieces::{FRESH, LATER, Line, MOST_REGIONS, Numbering, Past, Pieces};
@@ -117,8 +118,8 @@ pub struct Windowed {
     agenda: Agenda,
     /// Meetings of pieces that began during the commits.
     follow_ups: FollowUps,
-    /// Meetings that a ball has just seen.
-    seen: Vec<Meeting>,
+    /// Those that balls may touch whose flights have just begun.
+    glimpses: Vec<Glimpse>,
     /// Meetings of the instant that has been reached which were not valid when their turn came.
     put_off: Vec<Meeting>,
     instants: InstantWatch,
@@ -255,7 +256,7 @@ impl Windowed {
             too_fast: false,
             agenda: Agenda::new(region_count),
             follow_ups: FollowUps::default(),
-            seen: Vec::new(),
+            glimpses: Vec::new(),
             put_off: Vec::new(),
             instants: InstantWatch::default(),
             counters: Counters::default(),

@@ -176,7 +176,7 @@ impl Windowed {
                 .note(&collision, &watched, &mut self.counters)?;
             self.turn(ball, owner, meeting.next[0], after);
         }
-        self.look(owner, NONE, window);
+        self.look(&[(owner, NONE)], window);
         self.take_up(meeting.time);
         report(&collision);
         Ok(())
@@ -228,9 +228,7 @@ impl Windowed {
         for one in [0, 1] {
             self.turn(balls[one], owners[one], next[one], after[one]);
         }
-        for one in [0, 1] {
-            self.look(owners[one], balls[1 - one], window);
-        }
+        self.look(&[(owners[0], balls[1]), (owners[1], balls[0])], window);
         self.take_up(meeting.time);
         report(&collision);
         Ok(())

@@ -10,19 +10,78 @@ use super::region::Region;
 use super::sheet::LANES;
 use crate::engine::image::{image_of, number_of, steps_of};
 
+/// A neighbour that a ball may touch in what is left of the window.
+#[derive(Clone, Copy, Debug)]
+pub struct Glimpse {
+    /// The ball and the one that it may touch.
+    balls: [u32; 2],
+    owners: [Id; 2],
+    pieces: [Id; 2],
+    /// By how many boxes the first ball is moved to touch the other.
+    image: [i8; 3],
+}
+
+impl Glimpse {
+    /// The same as the other ball sees it, if that has the lower index.
+    fn in_order(mut self) -> Self {
+        if self.balls[0] > self.balls[1] {
+            self.balls.swap(0, 1);
+            self.owners.swap(0, 1);
+            self.pieces.swap(0, 1);
+            self.image = self.image.map(|steps| -steps);
+        }
+        self
+    }
+}
+
 impl Windowed {
-    /// A ball whose flight has just begun, where it has met a `partner` if it did not meet a wall, looks at its neighbours and at what
-    /// bounds the domain. Without lists of neighbours, what it meets has been foreseen.
+    /// Balls whose flights have just begun look at their neighbours and at what bounds the domain. They are given by the flights with
+    /// which they entered the window and by who it was that they have met, or [`NONE`]. Without lists of neighbours, what they meet has
+    /// been foreseen.
     #[inline]
-    pub(super) fn look(&mut self, owner: Id, partner: u32, window: Window) {
-        let Some(drift) = self.drift else { return };
-        let ball = self.lines[owner as usize].ball();
-        let flight = self.state.trajectories[ball as usize];
+    pub(super) fn look(&mut self, balls: &[(Id, u32)], window: Window) {
+        if self.drift.is_none() {
+            return;
+        }
+        let mut glimpses = std::mem::take(&mut self.glimpses);
+        for &(owner, partner) in balls {
+            self.look_about(owner, partner, window, &mut glimpses);
+        }
+        for glimpse in glimpses.drain(..) {
+            let gas = self.gas(window);
+            let Glimpse {
+                balls,
+                owners,
+                pieces,
+                image,
+            } = glimpse.in_order();
+            let pair = balls.map(|ball| self.state.trajectories[ball as usize]);
+            let [radius, other_radius] = balls.map(|ball| gas.body(ball).radius);
+            let shift = gas.shift_by(image);
+            if let Some(time) = gas.pair_time(&pair, radius + other_radius, (image, shift)) {
+                self.follow_ups.push(Meeting {
+                    time: time.relative_to(window.begin.epoch),
+                    piece: pieces[0],
+                    other: pieces[1],
+                    owners,
+                    next: [NONE; 2],
+                    rank: (balls[0], balls[1]),
+                    image,
+                });
+            }
+        }
+        self.glimpses = glimpses;
+    }
+
+    /// One of them looks about, and asks for the memory of those whom it may touch.
+    #[inline]
+    fn look_about(&mut self, owner: Id, partner: u32, window: Window, glimpses: &mut Vec<Glimpse>) {
         self.begun += 1;
         let piece = first_other(self.begun);
-        let mut seen = std::mem::take(&mut self.seen);
         let gas = self.gas(window);
-        let mut line = gas.piece_line(&flight, ball);
+        let ball = self.lines[owner as usize].ball();
+        let flight = &self.state.trajectories[ball as usize];
+        let mut line = gas.piece_line(flight, ball);
         let region = region_of(&self.regions, owner);
         for neighbours in region.neighbours.of(owner) {
             let mut rows = [Line::NOBODY; LANES];
@@ -37,46 +96,26 @@ impl Windowed {
             while touching != 0 {
                 let place = touching.trailing_zeros() as usize;
                 touching &= touching - 1;
-                let (neighbour, other) = (neighbours[place], rows[place].ball());
-                let other_owner = number_of(neighbour);
-                let in_order = ball < other;
-                let mut image = steps_of(image_of(neighbour));
-                let mut pair = [flight, self.state.trajectories[other as usize]];
-                let link = rows[place].link();
-                let mut pieces = [piece, if link == NONE { other_owner } else { link }];
-                let (mut owners, mut rank) = ([owner, other_owner], (ball, other));
-                if !in_order {
-                    image = image.map(|steps| -steps);
-                    pair.swap(0, 1);
-                    pieces.swap(0, 1);
-                    owners.swap(0, 1);
-                    rank = (other, ball);
-                }
-                let contact = gas.body(rank.0).radius + gas.body(rank.1).radius;
-                if let Some(time) = gas.pair_time(&pair, contact, (image, gas.shift_by(image))) {
-                    seen.push(Meeting {
-                        time: time.relative_to(window.begin.epoch),
-                        piece: pieces[0],
-                        other: pieces[1],
-                        owners,
-                        next: [NONE; 2],
-                        rank,
-                        image,
-                    });
-                }
+                let (other, link) = (rows[place].ball(), rows[place].link());
+                let other_owner = number_of(neighbours[place]);
+                prefetch_index(&self.state.trajectories, other as usize);
+                glimpses.push(Glimpse {
+                    balls: [ball, other],
+                    owners: [owner, other_owner],
+                    pieces: [piece, if link == NONE { other_owner } else { link }],
+                    image: steps_of(image_of(neighbours[place])),
+                });
             }
         }
-        if let Some((time, bound)) = gas.next_bound(&flight, ball, gas.body(ball)) {
-            let meeting = gas.meeting_with(bound, time, piece, (ball, owner));
-            seen.push(meeting);
-        }
-        for meeting in seen.drain(..) {
+        let bound = gas.next_bound(flight, ball, gas.body(ball));
+        let meeting =
+            bound.map(|(time, bound)| gas.meeting_with(bound, time, piece, (ball, owner)));
+        if let Some(meeting) = meeting {
             self.follow_ups.push(meeting);
         }
-        self.seen = seen;
         let speed = line.speed();
         self.fastest = self.fastest.max(speed);
-        self.too_fast |= speed > drift;
+        self.too_fast |= self.drift.is_some_and(|drift| speed > drift);
         line.set_link(piece);
         self.lines[owner as usize] = line;
     }

@@ -21,48 +21,37 @@ pub struct Neighbours {
     first: usize,
     /// How many each flight has.
     lengths: Vec<u16>,
-    /// Of each flight so many lines.
+    /// The first line of each flight, then the second one of each, and so on: hardly any needs more than one.
     words: Vec<Words>,
-    lines: usize,
 }
 
 impl Neighbours {
     /// Forgets all; from now on the neighbours of these flights are noted.
     pub fn reset(&mut self, flights: Range<usize>) {
+        let lines = (self.words.len() / self.lengths.len().max(1)).max(1);
         self.first = flights.start;
         self.lengths.clear();
         self.lengths.resize(flights.len(), 0);
-        self.lines = self.lines.max(1);
-        self.words
-            .resize(flights.len() * self.lines, Words::default());
+        self.words.resize(flights.len() * lines, Words::default());
     }
 
     /// Notes a neighbour of a flight. Gives whether the flight is the region's.
     #[inline(always)]
     pub fn note(&mut self, flight: Id, neighbour: Seen) -> bool {
+        let count = self.lengths.len();
         let flight = (flight as usize).wrapping_sub(self.first);
         let Some(length) = self.lengths.get_mut(flight) else {
             return false;
         };
         let place = *length as usize;
         *length += 1;
-        if place == self.lines * WORDS {
-            self.widen();
+        let line = place / WORDS * count + flight;
+        if line >= self.words.len() {
+            self.words
+                .resize(self.words.len() + count, Words::default());
         }
-        self.words[flight * self.lines + place / WORDS].0[place % WORDS] = neighbour;
+        self.words[line].0[place % WORDS] = neighbour;
         true
-    }
-
-    /// Makes room for one more line for each flight.
-    #[cold]
-    fn widen(&mut self) {
-        let old = std::mem::take(&mut self.words);
-        self.words = vec![Words::default(); self.lengths.len() * (self.lines + 1)];
-        let records = self.words.chunks_mut(self.lines + 1);
-        for (record, old) in records.zip(old.chunks(self.lines)) {
-            record[..self.lines].copy_from_slice(old);
-        }
-        self.lines += 1;
     }
 
     /// The neighbours of a flight, in parts of no more than [`WORDS`].
@@ -70,8 +59,8 @@ impl Neighbours {
     pub fn of(&self, flight: Id) -> impl Iterator<Item = &[Seen]> {
         let flight = flight as usize - self.first;
         let mut left = self.lengths[flight] as usize;
-        let lines = &self.words[flight * self.lines..][..left.div_ceil(WORDS)];
-        lines.iter().map(move |line| {
+        let lines = self.words[flight..].iter().step_by(self.lengths.len());
+        lines.take(left.div_ceil(WORDS)).map(move |line| {
             let part = &line.0[..left.min(WORDS)];
             left -= part.len();
             part
@@ -80,9 +69,9 @@ impl Neighbours {
 
     /// Moves the image at which a flight touches some of its neighbours by a step along an axis.
     pub fn move_image(&mut self, flight: Id, of: impl Fn(Id) -> bool, axis: usize, step: i8) {
-        let flight = flight as usize - self.first;
-        let lines = &mut self.words[flight * self.lines..][..self.lines];
-        let seen = lines.iter_mut().flat_map(|line| &mut line.0);
+        let (flight, count) = (flight as usize - self.first, self.lengths.len());
+        let lines = self.words[flight..].iter_mut().step_by(count);
+        let seen = lines.flat_map(|line| &mut line.0);
         for seen in seen.take(self.lengths[flight] as usize) {
             let number = number_of(*seen);
             if of(number) {
@@ -96,8 +85,7 @@ impl Neighbours {
     /// Asks for the memory of a flight's neighbours.
     #[inline(always)]
     pub fn read_ahead(&self, flight: Id) {
-        let flight = (flight as usize).wrapping_sub(self.first);
-        prefetch_index(&self.words, flight.wrapping_mul(self.lines));
+        prefetch_index(&self.words, (flight as usize).wrapping_sub(self.first));
     }
 }
 

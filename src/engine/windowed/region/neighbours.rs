@@ -1,5 +1,7 @@
 //! Finds everybody's neighbours: all whom a ball may touch in a window, whatever happens to both of them in it.
 
+use prefetch_index::prefetch_index;
+
 use super::{LOADED_AT_ONCE, MANY_CANDIDATES, Passage, Region};
 use crate::engine::image::{IMAGE_SHIFT, Seen, image_at, image_of, number_of, steps_of};
 use crate::engine::windowed::paths::Gas;
@@ -9,6 +11,9 @@ use crate::engine::windowed::shelves::{Images, Passers, Shelves, View};
 use crate::state::Trajectory;
 
 use super::Candidate;
+
+/// How many cells before its turn the memory for a cell and its flights' neighbours is asked for.
+const CELLS_AHEAD: usize = 4;
 
 impl Region {
     /// Lists a flight around where it begins, and notes where it meets what bounds the domain.
@@ -30,7 +35,7 @@ impl Region {
         self.census = self.lists.take_census();
         self.neighbours.reset(self.flights.clone());
         for cell in self.lists.cells() {
-            let ahead = cell + super::CELLS_AHEAD;
+            let ahead = cell + CELLS_AHEAD;
             self.read_ahead(shelves.lines, ahead);
             if self.lists.cells().contains(&ahead) {
                 for &entry in self.lists.entries(ahead) {
@@ -92,6 +97,9 @@ impl Region {
             }
             if touching {
                 let balls = [row, other].map(|row| rows[row as usize].ball());
+                for ball in balls {
+                    prefetch_index(&gas.state.trajectories, ball as usize);
+                }
                 let in_order = balls[0] < balls[1];
                 let sorted = |pair: [u32; 2]| if in_order { pair } else { [pair[1], pair[0]] };
                 candidates.push(Candidate {

@@ -128,7 +128,10 @@ impl Windowed {
         }
         let step = if upper { 1 } else { -1 };
         let parts = region_of(&self.regions, owner).neighbours.of(owner);
-        let neighbours: Vec<Id> = parts.flatten().map(|&seen| number_of(seen)).collect();
+        let mut neighbours: Vec<Id> = parts.flatten().map(|&seen| number_of(seen)).collect();
+        // A pair at the edge of a cell may have been noted in two.
+        neighbours.sort_unstable();
+        neighbours.dedup();
         let mut move_image = |flight: Id, of: &dyn Fn(Id) -> bool, step: i8| {
             let mut regions = self.regions.iter_mut();
             let region = regions.find(|region| region.flights.contains(&(flight as usize)));
@@ -263,6 +266,30 @@ mod tests {
                 assert!(missed.is_none() && noted.len() < expected.len() + 2);
             }
             assert!(count > 4 * engine.lines.len());
+        }
+    }
+
+    #[test]
+    fn a_pair_that_was_noted_twice_goes_across_a_face_once() {
+        let mut engine = Windowed::with_regions(State::new(&lattice(Boundary::Periodic)), 1);
+        engine.open();
+        let flight = 100;
+        let parts = region_of(&engine.regions, flight).neighbours.of(flight);
+        let seen = *parts.flatten().next().expect("a dense gas has neighbours");
+        let other = number_of(seen);
+        let seen_back = steps_of(image_of(seen)).map(|steps| -steps);
+        let seen_back = flight | image_at(seen_back) << IMAGE_SHIFT;
+        let neighbours = &mut engine.regions[0].neighbours;
+        assert!(neighbours.note(flight, seen) && neighbours.note(other, seen_back));
+        let before = steps_of(image_of(seen))[1];
+        engine.follow_across_face(other, 1, before > 0);
+        let step = if before > 0 { 1 } else { -1 };
+        for (one, two, step) in [(flight, other, -step), (other, flight, step)] {
+            let parts = region_of(&engine.regions, one).neighbours.of(one);
+            let twice = parts.flatten().filter(|&&seen| number_of(seen) == two);
+            let steps: Vec<i8> = twice.map(|&seen| steps_of(image_of(seen))[1]).collect();
+            let before = if one == flight { before } else { -before };
+            assert_eq!(steps, [before + step; 2]);
         }
     }
 

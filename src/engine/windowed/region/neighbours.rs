@@ -2,15 +2,13 @@
 
 use prefetch_index::prefetch_index;
 
-use super::{LOADED_AT_ONCE, MANY_CANDIDATES, Passage, Region};
+use super::{Candidate, LOADED_AT_ONCE, MANY_CANDIDATES, Passage, Region};
 use crate::engine::image::{IMAGE_SHIFT, Seen, image_at, image_of, number_of, steps_of};
 use crate::engine::windowed::paths::Gas;
 use crate::engine::windowed::pieces::Id;
 use crate::engine::windowed::sheet::{LANES, Row};
 use crate::engine::windowed::shelves::{Images, Passers, Shelves, View};
 use crate::state::Trajectory;
-
-use super::Candidate;
 
 /// How many cells before its turn the memory for a cell and its flights' neighbours is asked for.
 const CELLS_AHEAD: usize = 4;

@@ -471,6 +471,6 @@ impl Engine for Windowed {
     }
 
     fn queue_length(&self) -> usize {
-        self.agenda.left() + self.follow_ups.len()
+        self.agenda.left() + self.follow_ups.left()
     }
 }

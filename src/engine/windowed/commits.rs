@@ -67,15 +67,16 @@ impl Windowed {
 
     /// Goes on to the next slice of what has been found since the window began, and asks for the memory of its balls.
     fn go_on(&mut self) {
-        let [next, later] = self.follow_ups.go_on();
+        self.follow_ups.go_on();
         let (state, lines, regions) = (&self.state, &self.lines, &self.regions);
+        let (next, later) = self.follow_ups.soon();
         for meeting in later {
             read_ahead(state, lines, meeting);
-        }
-        if self.drift.is_some() {
-            for meeting in later {
+            if self.drift.is_some() {
                 looking::read_lists_ahead(regions, meeting);
             }
+        }
+        if self.drift.is_some() {
             for meeting in next {
                 looking::read_neighbours_ahead(regions, lines, meeting);
             }

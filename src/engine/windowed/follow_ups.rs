@@ -7,6 +7,8 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use super::meeting::Meeting;
+use super::pieces::NONE;
+use super::scratch::Scratch;
 
 /// The meetings.
 #[derive(Clone, Debug, Default)]
@@ -14,15 +16,16 @@ pub struct FollowUps {
     /// When the window begins, and slices per time.
     begin: f64,
     per_time: f64,
-    slices: Vec<Vec<Meeting>>,
-    /// Slices in use.
-    count: usize,
+    /// Of each slice the one that was put aside last; [`NONE`] without any.
+    slices: Vec<u32>,
+    /// All that were put aside, each with the one before it in its slice.
+    aside: Scratch<(Meeting, u32)>,
     /// The slice that has been reached, its meetings in order, the last one first, and those that were added since.
     slice: usize,
     reached: Vec<Meeting>,
     added: BinaryHeap<Meeting>,
-    /// How many there are in all.
-    length: usize,
+    /// How many are left.
+    left: usize,
 }
 
 impl FollowUps {
@@ -31,56 +34,69 @@ impl FollowUps {
         self.clear();
         self.begin = begin;
         self.per_time = slices as f64 / (end - begin);
-        self.count = slices;
-        if self.slices.len() < slices {
-            self.slices.resize_with(slices, Vec::new);
-        }
+        self.slices.resize(slices, NONE);
         self.slice = 0;
     }
 
     /// Forgets all.
     pub fn clear(&mut self) {
-        if self.length > 0 {
-            self.slices.iter_mut().for_each(Vec::clear);
-        }
+        self.slices.clear();
+        self.aside.empty();
         self.reached.clear();
         self.added.clear();
-        self.length = 0;
+        self.left = 0;
     }
 
-    /// How many there are.
-    pub fn len(&self) -> usize {
-        self.length
+    /// How many are left.
+    pub fn left(&self) -> usize {
+        self.left
     }
 
     /// Adds a meeting.
     #[inline]
     pub fn push(&mut self, meeting: Meeting) {
-        self.length += 1;
+        self.left += 1;
         let slice = ((meeting.time - self.begin) * self.per_time) as usize;
-        let slice = slice.min(self.count - 1);
+        let slice = slice.min(self.slices.len() - 1);
         if slice <= self.slice {
             self.added.push(meeting);
         } else {
-            self.slices[slice].push(meeting);
+            let before = std::mem::replace(&mut self.slices[slice], self.aside.len() as u32);
+            self.aside.push((meeting, before));
         }
     }
 
     /// Whether all meetings up to the slice that has been reached are done, and there are others.
     #[inline]
     pub fn is_slice_done(&self) -> bool {
-        self.reached.is_empty() && self.added.is_empty() && self.length > 0
+        self.reached.is_empty() && self.added.is_empty() && self.left > 0
     }
 
-    /// Goes on to the next slice in which there are any. Gives its meetings, and those of the slice after it.
-    pub fn go_on(&mut self) -> [&[Meeting]; 2] {
-        while self.reached.is_empty() {
+    /// Goes on to the next slice in which there are any.
+    pub fn go_on(&mut self) {
+        self.slice += 1;
+        while self.slices[self.slice] == NONE {
             self.slice += 1;
-            std::mem::swap(&mut self.reached, &mut self.slices[self.slice]);
         }
-        self.reached.sort_unstable_by(|one, other| other.order(one));
-        let later = self.slices[..self.count].get(self.slice + 1);
-        [&self.reached, later.map_or(&[], |later| later)]
+        let mut reached = std::mem::take(&mut self.reached);
+        reached.extend(self.put_aside(self.slice));
+        reached.sort_unstable_by(|one, other| other.order(one));
+        self.reached = reached;
+    }
+
+    /// The meetings of the slice that has been reached, and of the one after it.
+    pub fn soon(&self) -> (&[Meeting], impl Iterator<Item = &Meeting>) {
+        (&self.reached, self.put_aside(self.slice + 1))
+    }
+
+    /// What was put aside in a slice.
+    fn put_aside(&self, slice: usize) -> impl Iterator<Item = &Meeting> {
+        let mut next = self.slices.get(slice).copied().unwrap_or(NONE);
+        std::iter::from_fn(move || {
+            let (meeting, before) = self.aside.get(next as usize)?;
+            next = *before;
+            Some(meeting)
+        })
     }
 
     /// The next one in order, in the slice that has been reached.
@@ -93,7 +109,7 @@ impl FollowUps {
     /// Takes the next one away.
     #[inline]
     pub fn pop(&mut self) {
-        self.length -= 1;
+        self.left -= 1;
         if self.is_added_next() {
             self.added.pop();
         } else {
@@ -133,7 +149,7 @@ mod tests {
                 follow_ups.push(meeting);
             }
             let mut taken = Vec::new();
-            while follow_ups.len() > 0 {
+            while follow_ups.left() > 0 {
                 if follow_ups.is_slice_done() {
                     follow_ups.go_on();
                 }

@@ -127,8 +127,11 @@ impl Windowed {
         if !self.too_fast {
             self.last_sort = (self.state.now, self.counters.pair_collisions);
             let work = std::mem::take(&mut self.work);
-            // A gas may begin as a lattice, in which hardly anything happens yet: its first windows say little.
-            self.paying = self.sorts < 2 || work.pays(&self.state, width, deviation * elapsed);
+            // Windows among neighbours are planned only where they pay. A gas may begin as a lattice, in which hardly anything happens
+            // yet: its first windows say little.
+            self.paying = self.drift.is_some()
+                || self.sorts < 2
+                || work.pays(&self.state, width, deviation * elapsed);
             self.sorts += 1;
         }
         let plan = tuning::Plan::new(&self.state, width, (deviation, fastest), rate);

@@ -98,6 +98,8 @@ pub struct Windowed {
     windows_since_sort: u32,
     /// When the balls were last sorted, and the pair collisions before that.
     last_sort: (Time, u64),
+    /// How often a ball met another between the last two sortings, in collisions per epoch.
+    rate: f64,
     /// Flights begun in this window.
     turns: usize,
     /// Largest speed of any piece since the balls were sorted.
@@ -246,6 +248,7 @@ impl Windowed {
             behind: false,
             windows_since_sort: 0,
             last_sort: (state.now, 0),
+            rate: 0.0,
             sorts: 0,
             work: Work::default(),
             paying: true,

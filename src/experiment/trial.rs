@@ -1,5 +1,8 @@
 //! A run inside an experiment: an engine, its observer, and simulated time in the scene's units.
 
+use std::fs::File;
+use std::io::Read;
+
 use serde::{Deserialize, Serialize};
 
 use crate::engine::{Engine, Saved, Stuck};
@@ -171,10 +174,12 @@ pub fn processor_seconds() -> f64 {
     time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }
 
-/// Resident memory of this process now, where the system tells \[bytes\].
+/// Resident memory of this process now, where the system tells \[bytes\]. Allocates none itself.
 pub fn resident_memory() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status
+    let mut text = [0; 4096];
+    let count = File::open("/proc/self/status").ok()?.read(&mut text).ok()?;
+    let line = str::from_utf8(&text[..count])
+        .ok()?
         .lines()
         .find_map(|line| line.strip_prefix("VmRSS:"))?;
     let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;

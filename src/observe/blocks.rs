@@ -136,12 +136,15 @@ impl Blocks {
     }
 
     fn merge(&mut self) {
-        let pair = |pair: &[Block]| {
-            let mut sum = pair[0];
-            pair[1..].iter().for_each(|block| sum.add(block));
-            sum
-        };
-        self.blocks = self.blocks.chunks(2).map(pair).collect();
+        let count = self.blocks.len().div_ceil(2);
+        for index in 0..count {
+            let mut sum = self.blocks[2 * index];
+            if let Some(next) = self.blocks.get(2 * index + 1) {
+                sum.add(next);
+            }
+            self.blocks[index] = sum;
+        }
+        self.blocks.truncate(count);
         self.length *= 2.0;
     }
 

@@ -96,6 +96,8 @@ impl Meeting {
 #[derive(Clone, Debug, Default)]
 pub struct Agenda {
     shares: Vec<Scratch<Meeting>>,
+    /// For each share where the next meeting of each bin belongs, while it is filled.
+    places: Vec<Scratch<u32>>,
     /// In which share the next one is, how many before it there, and how many there are from it on.
     share: usize,
     done: usize,
@@ -107,6 +109,7 @@ impl Agenda {
     pub fn new(threads: usize) -> Self {
         Self {
             shares: vec![Scratch::default(); threads],
+            places: vec![Scratch::default(); threads],
             ..Self::default()
         }
     }
@@ -120,7 +123,7 @@ impl Agenda {
         let per_time = bins as f64 / (end - begin);
         let bin = |meeting: &Meeting| (((meeting.time - begin) * per_time) as usize).min(bins - 1);
         let threads = self.shares.len();
-        let shares = self.shares.iter_mut().enumerate();
+        let shares = self.shares.iter_mut().zip(&mut self.places).enumerate();
         team.work(shares, |(number, share)| {
             let cut = |number| bins * number / threads;
             let (first, bins) = (cut(number), cut(number + 1) - cut(number));
@@ -181,9 +184,10 @@ fn distribute(
     found: &[&[Meeting]],
     bins: usize,
     bin: impl Fn(&Meeting) -> usize,
-    sorted: &mut Scratch<Meeting>,
+    (sorted, places): (&mut Scratch<Meeting>, &mut Scratch<u32>),
 ) {
-    let mut places = vec![0_u32; bins + 2];
+    places.empty();
+    places.resize(bins + 2, 0);
     for meeting in found.iter().copied().flatten() {
         places[bin(meeting) + 1] += 1;
     }

@@ -115,17 +115,15 @@ impl Windowed {
                 (sum + squares, largest.max(most))
             });
         let (deviation, fastest) = ((sum / (3.0 * count)).sqrt(), most.sqrt());
-        let (then, before) = self.last_sort;
-        let elapsed = self.state.now.since(then);
-        let rate = if elapsed > 0.0 {
-            2.0 * (self.counters.pair_collisions - before) as f64 / (count * elapsed)
-        } else {
-            0.0
-        };
         let width = self.grid.width().min_element();
         // A window that was cut short says little.
         if !self.too_fast {
-            self.last_sort = (self.state.now, self.counters.pair_collisions);
+            let (then, before) = self.last_sort;
+            let (elapsed, pairs) = (self.state.now.since(then), self.counters.pair_collisions);
+            if elapsed > 0.0 {
+                self.rate = 2.0 * (pairs - before) as f64 / (count * elapsed);
+            }
+            self.last_sort = (self.state.now, pairs);
             let work = std::mem::take(&mut self.work);
             // Windows among neighbours are planned only where they pay. A gas may begin as a lattice, in which hardly anything happens
             // yet: its first windows say little.
@@ -134,7 +132,7 @@ impl Windowed {
                 || work.pays(&self.state, width, deviation * elapsed);
             self.sorts += 1;
         }
-        let plan = tuning::Plan::new(&self.state, width, (deviation, fastest), rate);
+        let plan = tuning::Plan::new(&self.state, width, (deviation, fastest), self.rate);
         self.length = plan.length;
         self.drift = plan.drift.map(|drift| (drift * self.grid.scale) as f32);
     }
@@ -152,4 +150,54 @@ fn first_places(censuses: &[Vec<u32>]) -> Vec<u32> {
     let mut places: Vec<_> = cells.map(place).collect();
     places.push(next);
     places
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use crate::domain::{Boundary, Domain};
+    use crate::engine::windowed::Windowed;
+    use crate::state::{Body, Placement, State};
+
+    /// In the little of it that has passed, a ball has always just collided.
+    #[test]
+    fn a_window_that_is_cut_short_does_not_tell_how_often_balls_collide() {
+        let sites = (0..9_u32.pow(3)).map(|site| [site / 81, site / 9 % 9, site % 9]);
+        let places: Vec<_> = sites.map(|site| site.map(f64::from)).collect();
+        let gas = Placement {
+            domain: Domain {
+                boundary: Boundary::Periodic,
+                ..Domain::container(DVec3::splat(5.4))
+            },
+            center: DVec3::ZERO,
+            bodies: vec![Body {
+                radius: 0.5,
+                mass: 1.0,
+            }],
+            body_of: Vec::new(),
+            velocities: places
+                .iter()
+                .map(|&[x, y, z]| DVec3::new((3.0 * y + z).sin(), (5.0 * z + x).sin(), x.sin()))
+                .collect(),
+            positions: places
+                .iter()
+                .map(|&place| 1.2 * DVec3::from_array(place) - 4.8)
+                .collect(),
+        };
+        let mut engine = Windowed::with_regions(State::new(&gas), 1);
+        engine.sort();
+        let (drift, rate) = (engine.drift, engine.rate);
+        assert!(drift.is_some());
+        let soon = engine.state.now.after(1e-6 * engine.length);
+        engine.state.now = soon.expect("a time");
+        engine.counters.pair_collisions += 1;
+        engine.too_fast = true;
+        engine.sort();
+        assert_eq!((engine.drift, engine.rate), (drift, rate));
+        // It is not forgotten either: the next sorting tells of both.
+        engine.too_fast = false;
+        engine.sort();
+        assert!(engine.rate > rate);
+    }
 }

@@ -16,7 +16,7 @@ use crate::state::{Body, Time, Trajectory};
 const MOST_REPEATS: u32 = 10_000;
 
 /// Two balls collide at `now`, the lower index first; `shift` moves the first to the image that touches the second.
-#[inline]
+#[inline(always)]
 pub fn pair(
     balls: [u32; 2],
     before: [Trajectory; 2],

@@ -147,6 +147,7 @@ impl Gas<'_> {
     }
 
     /// What bounds the domain where a flight gets there first in the window, and when.
+    #[inline(always)]
     pub fn next_bound(
         &self,
         trajectory: &Trajectory,
@@ -242,6 +243,7 @@ impl Gas<'_> {
     /// Follows a piece of a ball, which entered the window with the flight `owner`, and those after it where it meets what bounds
     /// the domain, to the end of the window: `pass` gets each piece's number with the ends of its way and the ball's radius, `meet`
     /// each such meeting, `add` numbers each further piece.
+    #[inline(always)]
     pub fn trace(
         &self,
         id: Id,

@@ -243,6 +243,7 @@ impl Region {
     }
 
     /// Follows a piece and those after it, whose ways are then to be listed; `add` numbers these.
+    #[inline(always)]
     fn trace(
         &mut self,
         gas: Gas,
@@ -360,6 +361,7 @@ impl Region {
 
     /// Adds a ball's piece that begins at a meeting and those that follow it to `own`; gives the piece. They are still to be listed,
     /// with [`Self::list_ways`].
+    #[inline(always)]
     pub fn begin(
         &mut self,
         gas: Gas,
@@ -462,12 +464,14 @@ impl Region {
     fn decide(&mut self, shelves: &Shelves, mut own: Option<&mut Own>) {
         let candidates = std::mem::take(&mut self.candidates);
         for candidates in candidates.chunks(LOADED_AT_ONCE) {
-            self.decide_few(shelves, own.as_deref_mut(), candidates);
+            let own = own.as_deref_mut();
+            Arch::new().dispatch(|| self.decide_few(shelves, own, candidates));
         }
         self.candidates = candidates;
         self.candidates.empty();
     }
 
+    #[inline(always)]
     fn decide_few(
         &mut self,
         shelves: &Shelves,

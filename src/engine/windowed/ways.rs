@@ -28,7 +28,7 @@ pub struct Ways {
 
 impl Ways {
     /// Adds the way of a piece of a ball of this radius, inside the box but for rounding.
-    #[inline]
+    #[inline(always)]
     pub fn add(&mut self, gas: &Gas, id: Id, ends: [DVec3; 2], radius: f64) {
         // So no way reaches beyond the layer of places around the cells.
         let half_size = gas.state.domain.half_size;

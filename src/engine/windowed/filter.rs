@@ -11,10 +11,12 @@ mod neighbours;
 
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
+use super::grid::Entry;
 use super::questions::{
     BallsTouch, Limits, LinesTouch, Margins, Test, WithinReach, cannot_meet_here,
 };
-use super::sheet::{Block, LANES, Rows, Sheet};
+use super::scratch::Scratch;
+use super::sheet::{Block, LANES, PARTS, Row, Rows, Sheet};
 use crate::engine::turn::SIDE;
 #[cfg(target_arch = "x86_64")]
 use crate::engine::turn::as_v3;
@@ -26,6 +28,7 @@ pub struct Filter {
     hits: Vec<Hits>,
     pairs: Vec<(u32, u32)>,
     touching: Vec<bool>,
+    doubts: Scratch<Doubt>,
     margins: Margins,
     limits: Limits,
 }
@@ -37,6 +40,7 @@ impl Default for Filter {
             hits: Vec::new(),
             pairs: Vec::new(),
             touching: Vec::new(),
+            doubts: Scratch::default(),
             margins: Margins::default(),
             limits: Limits::default(),
         }
@@ -67,25 +71,70 @@ impl Filter {
         self.margins.fastest
     }
 
-    /// Puts on `sheet` those pieces of a cell that are not on it yet, and gives each pair of a piece from row `first` on and a
-    /// piece before it that can meet in the cell in the window, the later row first. `middle` is the cell's.
+    /// Puts on `sheet` those pieces of a cell that are not on it yet, and asks of each pair of a piece from row `first` on and a
+    /// piece before it whether they may meet in the window: in doubt it is added to those that [`Self::sift`] asks more closely.
+    /// The cell comes with its middle.
     pub fn find(
         &mut self,
         sheet: &mut Sheet,
         pieces: impl Rows,
         first: usize,
-        middle: [f32; 3],
-    ) -> &[(u32, u32)] {
-        let count = self.machine.dispatch(Find {
+        (cell, middle): (u32, [f32; 3]),
+    ) {
+        self.machine.dispatch(Find {
             sheet,
             pieces,
             first,
+            cell,
             middle,
-            limits: self.limits,
+            limits: &self.limits,
             hits: &mut self.hits,
             pairs: &mut self.pairs,
+            doubts: &mut self.doubts,
         });
-        &self.pairs[..count]
+    }
+
+    /// How many pairs are to be sifted.
+    #[inline]
+    pub fn doubts(&self) -> usize {
+        self.doubts.len()
+    }
+
+    /// Gives those of the pairs in doubt that can meet in their cells in the window, and forgets all.
+    #[inline]
+    pub fn sift(&mut self, mut keep: impl FnMut(&Doubt)) {
+        for doubts in self.doubts.chunks(LANES) {
+            let mut can_meet = self.machine.dispatch(Sift {
+                doubts,
+                limits: &self.limits,
+            });
+            while can_meet != 0 {
+                keep(&doubts[can_meet.trailing_zeros() as usize]);
+                can_meet &= can_meet - 1;
+            }
+        }
+        self.doubts.empty();
+    }
+}
+
+/// Two pieces that may meet in a cell.
+#[derive(Clone, Copy, Debug)]
+pub struct Doubt {
+    /// The pieces, the later row first.
+    rows: [Row; 2],
+    /// Their entries in the cell's list.
+    pub entries: [Entry; 2],
+    /// The cell.
+    pub cell: u32,
+    /// Its middle.
+    middle: [f32; 3],
+}
+
+impl Doubt {
+    /// Their balls.
+    #[inline(always)]
+    pub fn balls(&self) -> [u32; 2] {
+        self.rows.map(|row| row.ball())
     }
 }
 
@@ -138,33 +187,30 @@ struct Find<'a, P> {
     sheet: &'a mut Sheet,
     pieces: P,
     first: usize,
+    cell: u32,
     middle: [f32; 3],
-    limits: Limits,
+    limits: &'a Limits,
     hits: &'a mut Vec<Hits>,
     pairs: &'a mut Vec<(u32, u32)>,
+    doubts: &'a mut Vec<Doubt>,
 }
 
 impl<P: Rows> WithSimd for Find<'_, P> {
-    type Output = usize;
+    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> usize {
+    fn with_simd<S: Simd>(self, simd: S) {
         let Self {
             sheet,
             pieces,
             first,
+            cell,
             middle,
             limits,
             hits,
             pairs,
+            doubts,
         } = self;
-        let Limits {
-            contact_squared,
-            reach_squared,
-            receding,
-            by_distance,
-            ..
-        } = limits;
         let entries = pieces.entries();
         let found = if first > 0 {
             if sheet.rows().is_empty() {
@@ -173,45 +219,65 @@ impl<P: Rows> WithSimd for Find<'_, P> {
             for &entry in &entries[first..] {
                 sheet.push(pieces.row(entry));
             }
-            few_pairs_that_pass(simd, sheet, &pieces, first, (hits, &limits))
+            few_pairs_that_pass(simd, sheet, &pieces, first, (hits, limits))
         } else {
             sheet.fill(simd, &pieces, entries);
-            if by_distance {
+            if limits.by_distance {
                 let test = WithinReach::<S> {
-                    reach_squared: simd.splat_f32s(reach_squared),
-                    least_approach: simd.splat_f32s(-receding),
+                    reach_squared: simd.splat_f32s(limits.reach_squared),
+                    least_approach: simd.splat_f32s(-limits.receding),
                 };
                 pairs_that_pass(simd, sheet, hits, &test)
             } else {
-                let test = LinesTouch::<S>(simd.splat_f32s(-contact_squared));
+                let test = LinesTouch::<S>(simd.splat_f32s(-limits.contact_squared));
                 pairs_that_pass(simd, sheet, hits, &test)
             }
         };
         let count = write_down(&hits[..found], pairs);
-        if count == 0 {
-            return 0;
-        }
         let rows = sheet.rows();
-        let pairs = &mut pairs[..count.next_multiple_of(SIDE)];
-        let mut kept = 0;
+        doubts.extend(pairs[..count].iter().map(|&(row, other)| Doubt {
+            rows: [row, other].map(|row| rows[row as usize]),
+            entries: [row, other].map(|row| entries[row as usize]),
+            cell,
+            middle,
+        }));
+    }
+}
+
+/// Which of some pairs, no more than [`LANES`], can meet: a bit for each.
+struct Sift<'a> {
+    doubts: &'a [Doubt],
+    limits: &'a Limits,
+}
+
+impl WithSimd for Sift<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> u64 {
+        let Self { doubts, limits } = self;
         let (mut ones, mut others) = (Block::default(), Block::default());
-        for first in (0..pairs.len()).step_by(LANES) {
-            let some = &pairs[first..pairs.len().min(first + LANES)];
-            for (part, pairs) in some.as_chunks::<SIDE>().0.iter().enumerate() {
-                ones.turn(simd, part, &pairs.map(|(row, _)| rows[row as usize]));
-                others.turn(simd, part, &pairs.map(|(_, row)| rows[row as usize]));
-            }
-            let mut in_vain = 0;
-            for vector in 0..some.len().div_ceil(S::F32_LANES) {
-                let miss = cannot_meet_here(simd, &ones, &others, vector, (middle, limits));
-                in_vain |= lanes_of(simd, miss) << (vector * S::F32_LANES);
-            }
-            for lane in 0..some.len() {
-                pairs[kept] = pairs[first + lane];
-                kept += usize::from(in_vain >> lane & 1 == 0);
+        let mut middles = [[0.0; LANES]; 3];
+        for (lane, doubt) in doubts.iter().enumerate().take(LANES) {
+            for (middles, middle) in middles.iter_mut().zip(doubt.middle) {
+                middles[lane] = middle;
             }
         }
-        kept
+        for part in 0..doubts.len().div_ceil(SIDE).min(PARTS) {
+            let pair = |lane: usize| &doubts[(part * SIDE + lane).min(doubts.len() - 1)].rows;
+            ones.turn(simd, part, &std::array::from_fn(|lane| pair(lane)[0]));
+            others.turn(simd, part, &std::array::from_fn(|lane| pair(lane)[1]));
+        }
+        let mut miss = 0;
+        for vector in 0..doubts.len().div_ceil(S::F32_LANES) {
+            let [one, other] = [&ones, &others].map(|block| block.columns(simd, vector));
+            let middle = middles
+                .each_ref()
+                .map(|middles| S::as_simd_f32s(middles).0[vector]);
+            let cannot = cannot_meet_here(simd, one, other, middle, limits);
+            miss |= lanes_of(simd, cannot) << (vector * S::F32_LANES);
+        }
+        !miss & ((1 << doubts.len()) - 1)
     }
 }
 
@@ -393,25 +459,33 @@ mod tests {
 
     /// The pairs of rows that vectors of one width find.
     fn pairs(simd: impl Simd, count: usize, first: usize, by_distance: bool) -> Vec<(u32, u32)> {
-        let mut pairs = Vec::new();
-        let count = Find {
+        let limits = &Limits {
+            edges: [100.0; 3],
+            off_middle: 0.1,
+            contact_squared: 0.01,
+            reach_squared: 1e4,
+            by_distance,
+            ..Limits::default()
+        };
+        let mut doubts = Vec::new();
+        Find {
             sheet: &mut Sheet::default(),
             pieces: Crowd((0..count as Entry).collect()),
             first,
+            cell: 0,
             middle: [0.0; 3],
-            limits: Limits {
-                edges: [100.0; 3],
-                off_middle: 0.1,
-                contact_squared: 0.01,
-                reach_squared: 1e4,
-                by_distance,
-                ..Limits::default()
-            },
+            limits,
             hits: &mut Vec::new(),
-            pairs: &mut pairs,
+            pairs: &mut Vec::new(),
+            doubts: &mut doubts,
         }
         .with_simd(simd);
-        pairs.truncate(count);
+        let sifted = doubts.chunks(LANES).flat_map(|doubts| {
+            let can_meet = Sift { doubts, limits }.with_simd(simd);
+            let bits = doubts.iter().zip(0..);
+            bits.filter(move |(_, lane)| can_meet >> lane & 1 == 1)
+        });
+        let mut pairs: Vec<_> = sifted.map(|(doubt, _)| doubt.entries.into()).collect();
         pairs.sort_unstable();
         pairs
     }
@@ -432,6 +506,14 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// How many of a cell's pairs the filter lets through.
+    fn count(filter: &mut Filter, pieces: impl Rows, first: usize) -> usize {
+        filter.find(&mut Sheet::default(), pieces, first, (0, [20.0; 3]));
+        let mut count = 0;
+        filter.sift(|_| count += 1);
+        count
     }
 
     /// Two pieces; the second began where its ball met this one.
@@ -513,10 +595,9 @@ mod tests {
                 meet += usize::from(meets_here);
                 // Both at once, and one later.
                 for (first, found) in found.iter_mut().enumerate() {
-                    let sheet = &mut Sheet::default();
-                    let pairs = filter.find(sheet, Pair(rows, NONE), first, [20.0; 3]);
-                    assert!(!pairs.is_empty() || !meets_here, "{first} {rows:?}");
-                    *found += pairs.len();
+                    let pairs = count(&mut filter, Pair(rows, NONE), first);
+                    assert!(pairs > 0 || !meets_here, "{first} {rows:?}");
+                    *found += pairs;
                 }
             }
             assert!(
@@ -549,8 +630,7 @@ mod tests {
         let begin = 0.5;
         let mut count = |other: Row, partner: u32| {
             let rows = [other, row(1.0, 5).beginning(begin)];
-            let pairs = filter.find(&mut Sheet::default(), Pair(rows, partner), 1, [20.0; 3]);
-            pairs.len()
+            self::count(&mut filter, Pair(rows, partner), 1)
         };
         let earlier = f64::from((begin as f32).next_down());
         assert_eq!(count(row(-1.0, 7), 7), 0);

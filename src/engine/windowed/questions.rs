@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 use pulp::Simd;
 
-use super::sheet::{ALL_MARKS, Block, Columns, Row};
+use super::sheet::{ALL_MARKS, Columns, Row};
 
 /// Share of `|r|^2 |v|^2` by which f32 rounding can change `(r . v)^2 - |v|^2 |r|^2`: some thirty roundings of 2^-24 each at
 /// the most, with a margin.
@@ -96,22 +96,21 @@ impl Limits {
     }
 }
 
-/// Which pairs of pieces, whose lines touch, cannot do so within the window, after both have begun and within the cell, or belong to
-/// one ball. In doubt they can.
+/// Which pairs of pieces, whose lines touch, cannot do so within the window, after both have begun and within the cell of this
+/// `middle`, or belong to one ball. In doubt they can.
 #[inline(always)]
 pub fn cannot_meet_here<S: Simd>(
     simd: S,
-    ones: &Block,
-    others: &Block,
-    vector: usize,
-    (middle, limits): ([f32; 3], Limits),
+    one_of: Columns<S>,
+    other_of: Columns<S>,
+    middle: [S::f32s; 3],
+    limits: &Limits,
 ) -> S::m32s {
     let (zero, one, half) = (
         simd.splat_f32s(0.0),
         simd.splat_f32s(1.0),
         simd.splat_f32s(0.5),
     );
-    let [one_of, other_of] = [ones, others].map(|block| block.columns(simd, vector));
     let (position, other_position) = (one_of.position, other_of.position);
     let (velocity, other_velocity) = (one_of.velocity, other_of.velocity);
     let apart = difference(simd, position, other_position);
@@ -173,8 +172,7 @@ pub fn cannot_meet_here<S: Simd>(
     miss = simd.or_m32s(miss, simd.less_than_f32s(inside_then, zero));
     // The contact lies between the two times.
     for axis in 0..3 {
-        let here = simd.splat_f32s(middle[axis]);
-        let place = |position: S::f32s| simd.sub_f32s(position, here);
+        let place = |position: S::f32s| simd.sub_f32s(position, middle[axis]);
         let middle = simd.add_f32s(place(position[axis]), place(other_position[axis]));
         let drift = simd.add_f32s(velocity[axis], other_velocity[axis]);
         let least_margin = simd.splat_f32s(0.5 * limits.edges[axis] + limits.off_middle);

@@ -36,6 +36,9 @@ const CELLS_AHEAD: usize = 2;
 /// Candidates, or flights that need a closer look, that are loaded together.
 const LOADED_AT_ONCE: usize = 256;
 
+/// Pairs after which they are sifted before more are looked for: few enough that they stay at hand.
+const MANY_DOUBTS: usize = 64;
+
 /// Candidates after which they are decided before more are looked for.
 const MANY_CANDIDATES: usize = 16 * LOADED_AT_ONCE;
 
@@ -416,7 +419,6 @@ impl Region {
             sheets,
             on_sheets,
             spare_sheet,
-            candidates,
             ..
         } = self;
         let view = view(shelves, own);
@@ -429,39 +431,49 @@ impl Region {
             spare_sheet
         };
         let pieces = Passers { view, entries };
-        let middle = shelves.gas.grid.center(cell);
-        let pairs = if shelves.gas.is_periodic() {
-            filter.find(sheet, Images(pieces), tested, middle)
+        let here = (cell as u32, shelves.gas.grid.center(cell));
+        if shelves.gas.is_periodic() {
+            filter.find(sheet, Images(pieces), tested, here);
         } else {
-            filter.find(sheet, pieces, tested, middle)
-        };
+            filter.find(sheet, pieces, tested, here);
+        }
         lists.set_tested(cell);
-        let entries = lists.entries(cell);
-        for &(row, other) in pairs {
-            let entries = [row, other].map(|row| entries[row as usize]);
-            let ids = entries.map(number_of);
+        if filter.doubts() >= MANY_DOUBTS {
+            self.sift(shelves, own);
+        }
+    }
+
+    /// Makes candidates of those pairs found that can meet.
+    fn sift(&mut self, shelves: &Shelves, own: Option<&Own>) {
+        let Self {
+            filter, candidates, ..
+        } = self;
+        let view = view(shelves, own);
+        filter.sift(|doubt| {
+            let ids = doubt.entries.map(number_of);
             let origins = ids.map(|id| view.origin(id));
             if origins[0].parents.contains(&ids[1]) || origins[1].parents.contains(&ids[0]) {
-                continue;
+                return;
             }
-            let balls = [row, other].map(|row| sheet.rows()[row as usize].ball());
+            let balls = doubt.balls();
             for ball in balls {
                 prefetch_index(&shelves.gas.state.trajectories, ball as usize);
             }
             let in_order = balls[0] < balls[1];
             let sorted = |pair: [u32; 2]| if in_order { pair } else { [pair[1], pair[0]] };
             candidates.push(Candidate {
-                entries: sorted(entries),
+                entries: sorted(doubt.entries),
                 balls: sorted(balls),
                 owners: sorted(origins.map(|origin| origin.owner)),
-                cell: cell as u32,
+                cell: doubt.cell,
                 generation: origins[0].generation.max(origins[1].generation),
             });
-        }
+        });
     }
 
     /// Decides which candidates meet, and lists the pieces that will follow if they do.
     fn decide(&mut self, shelves: &Shelves, mut own: Option<&mut Own>) {
+        self.sift(shelves, own.as_deref());
         let candidates = std::mem::take(&mut self.candidates);
         for candidates in candidates.chunks(LOADED_AT_ONCE) {
             let own = own.as_deref_mut();

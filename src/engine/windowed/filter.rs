@@ -8,18 +8,17 @@
 //! All is in grid lengths and windows: the window lasts from time 0 to time 1.
 
 mod neighbours;
+mod sift;
 
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
-use super::grid::Entry;
-use super::questions::{
-    BallsTouch, Limits, LinesTouch, Margins, Test, WithinReach, cannot_meet_here,
-};
+use super::questions::{BallsTouch, Limits, LinesTouch, Margins, Test, WithinReach};
 use super::scratch::Scratch;
-use super::sheet::{Block, LANES, PARTS, Row, Rows, Sheet};
+use super::sheet::{LANES, Rows, Sheet};
 use crate::engine::turn::SIDE;
 #[cfg(target_arch = "x86_64")]
 use crate::engine::turn::as_v3;
+use sift::Doubt;
 
 /// The filter.
 #[derive(Clone, Debug)]
@@ -92,49 +91,6 @@ impl Filter {
             pairs: &mut self.pairs,
             doubts: &mut self.doubts,
         });
-    }
-
-    /// How many pairs are to be sifted.
-    #[inline]
-    pub fn doubts(&self) -> usize {
-        self.doubts.len()
-    }
-
-    /// Gives those of the pairs in doubt that can meet in their cells in the window, and forgets all.
-    #[inline]
-    pub fn sift(&mut self, mut keep: impl FnMut(&Doubt)) {
-        for doubts in self.doubts.chunks(LANES) {
-            let mut can_meet = self.machine.dispatch(Sift {
-                doubts,
-                limits: &self.limits,
-            });
-            while can_meet != 0 {
-                keep(&doubts[can_meet.trailing_zeros() as usize]);
-                can_meet &= can_meet - 1;
-            }
-        }
-        self.doubts.empty();
-    }
-}
-
-/// Two pieces that may meet in a cell.
-#[derive(Clone, Copy, Debug)]
-pub struct Doubt {
-    /// The pieces, the later row first.
-    rows: [Row; 2],
-    /// Their entries in the cell's list.
-    pub entries: [Entry; 2],
-    /// The cell.
-    pub cell: u32,
-    /// Its middle.
-    middle: [f32; 3],
-}
-
-impl Doubt {
-    /// Their balls.
-    #[inline(always)]
-    pub fn balls(&self) -> [u32; 2] {
-        self.rows.map(|row| row.ball())
     }
 }
 
@@ -241,43 +197,6 @@ impl<P: Rows> WithSimd for Find<'_, P> {
             cell,
             middle,
         }));
-    }
-}
-
-/// Which of some pairs, no more than [`LANES`], can meet: a bit for each.
-struct Sift<'a> {
-    doubts: &'a [Doubt],
-    limits: &'a Limits,
-}
-
-impl WithSimd for Sift<'_> {
-    type Output = u64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> u64 {
-        let Self { doubts, limits } = self;
-        let (mut ones, mut others) = (Block::default(), Block::default());
-        let mut middles = [[0.0; LANES]; 3];
-        for (lane, doubt) in doubts.iter().enumerate().take(LANES) {
-            for (middles, middle) in middles.iter_mut().zip(doubt.middle) {
-                middles[lane] = middle;
-            }
-        }
-        for part in 0..doubts.len().div_ceil(SIDE).min(PARTS) {
-            let pair = |lane: usize| &doubts[(part * SIDE + lane).min(doubts.len() - 1)].rows;
-            ones.turn(simd, part, &std::array::from_fn(|lane| pair(lane)[0]));
-            others.turn(simd, part, &std::array::from_fn(|lane| pair(lane)[1]));
-        }
-        let mut miss = 0;
-        for vector in 0..doubts.len().div_ceil(S::F32_LANES) {
-            let [one, other] = [&ones, &others].map(|block| block.columns(simd, vector));
-            let middle = middles
-                .each_ref()
-                .map(|middles| S::as_simd_f32s(middles).0[vector]);
-            let cannot = cannot_meet_here(simd, one, other, middle, limits);
-            miss |= lanes_of(simd, cannot) << (vector * S::F32_LANES);
-        }
-        !miss & ((1 << doubts.len()) - 1)
     }
 }
 
@@ -433,6 +352,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_xoshiro::Xoshiro256PlusPlus;
 
+    use super::sift::Sift;
     use super::*;
     use crate::collision::approach_time;
     use crate::engine::windowed::grid::Entry;

@@ -3,11 +3,11 @@
 //! Threads share what is fixed in a phase and own their region; what concerns another region's cells goes into an outbox that
 //! is delivered between the phases. How many regions there are changes no meeting.
 
+mod candidate;
 mod neighbours;
 
 use std::ops::Range;
 
-use glam::DVec3;
 use prefetch_index::prefetch_index;
 use pulp::Arch;
 
@@ -24,8 +24,9 @@ use super::sheet::Sheet;
 use super::shelves::{Images, Passers, Shelves, View};
 use super::ways::Ways;
 use crate::engine::contact;
-use crate::engine::image::{image_of, number_of, steps_of};
+use crate::engine::image::number_of;
 use crate::state::Trajectory;
+use candidate::Candidate;
 
 /// Cells that are searched before what they brought about is followed up.
 const CELLS_AT_ONCE: usize = 64;
@@ -51,57 +52,6 @@ const MOST_FORESEEN: [usize; 2] = [1, 256];
 
 /// An entry that belongs into another region's cell.
 pub type Passage = (Entry, u32);
-
-/// Two pieces that may meet in a cell, the one of the lower ball first.
-#[derive(Clone, Copy, Debug)]
-struct Candidate {
-    entries: [Entry; 2],
-    balls: [u32; 2],
-    owners: [Id; 2],
-    cell: u32,
-    generation: u32,
-}
-
-impl Candidate {
-    /// The meeting of two pieces in the window, if there is one. Given a `cell`, if it is there.
-    #[inline(always)]
-    fn meeting(&self, gas: &Gas, pair: &[Trajectory; 2], cell: Option<u32>) -> Option<Meeting> {
-        let [radius, other_radius] = self.balls.map(|ball| gas.body(ball).radius);
-        let contact = radius + other_radius;
-        let (image, shift) = self.image(gas);
-        let time = gas.pair_time(pair, contact, (image, shift))?;
-        if let Some(cell) = cell {
-            let place = pair[0].position_at(time);
-            let other = pair[1].position_at(time) - shift;
-            let point = place + (other - place) * (radius / contact);
-            let here = cell | (self.entries[0] - number_of(self.entries[0]));
-            if gas.grid.target_at(point) != here {
-                return None;
-            }
-        }
-        Some(Meeting {
-            time: time.relative_to(gas.window.begin.epoch),
-            piece: number_of(self.entries[0]),
-            other: number_of(self.entries[1]),
-            owners: self.owners,
-            next: [NONE; 2],
-            rank: (self.balls[0], self.balls[1]),
-            image,
-        })
-    }
-
-    /// By how many boxes the first ball is moved to touch the second, and by what length.
-    #[inline]
-    fn image(&self, gas: &Gas) -> ([i8; 3], DVec3) {
-        let images = self.entries.map(image_of);
-        if images == [0, 0] {
-            return ([0; 3], DVec3::ZERO);
-        }
-        let [first, second] = images.map(steps_of);
-        let image = std::array::from_fn(|axis| first[axis] - second[axis]);
-        (image, gas.shift_by(image))
-    }
-}
 
 /// What one thread lists and searches.
 #[derive(Clone, Debug, Default)]
@@ -459,15 +409,14 @@ impl Region {
             for ball in balls {
                 prefetch_index(&shelves.gas.state.trajectories, ball as usize);
             }
-            let in_order = balls[0] < balls[1];
-            let sorted = |pair: [u32; 2]| if in_order { pair } else { [pair[1], pair[0]] };
-            candidates.push(Candidate {
-                entries: sorted(doubt.entries),
-                balls: sorted(balls),
-                owners: sorted(origins.map(|origin| origin.owner)),
+            let candidate = Candidate {
+                entries: doubt.entries,
+                balls,
+                owners: origins.map(|origin| origin.owner),
                 cell: doubt.cell,
                 generation: origins[0].generation.max(origins[1].generation),
-            });
+            };
+            candidates.push(candidate.in_order());
         });
     }
 

@@ -98,15 +98,14 @@ impl Region {
                 for ball in balls {
                     prefetch_index(&gas.state.trajectories, ball as usize);
                 }
-                let in_order = balls[0] < balls[1];
-                let sorted = |pair: [u32; 2]| if in_order { pair } else { [pair[1], pair[0]] };
-                candidates.push(Candidate {
-                    entries: sorted(seen),
-                    balls: sorted(balls),
-                    owners: sorted(flights),
+                let candidate = Candidate {
+                    entries: seen,
+                    balls,
+                    owners: flights,
                     cell: cell as u32,
                     generation: 0,
-                });
+                };
+                candidates.push(candidate.in_order());
             }
         }
     }

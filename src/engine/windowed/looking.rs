@@ -59,15 +59,8 @@ impl Windowed {
             let [radius, other_radius] = balls.map(|ball| gas.body(ball).radius);
             let shift = gas.shift_by(image);
             if let Some(time) = gas.pair_time(&pair, radius + other_radius, (image, shift)) {
-                self.follow_ups.push(Meeting {
-                    time: time.relative_to(window.begin.epoch),
-                    piece: pieces[0],
-                    other: pieces[1],
-                    owners,
-                    next: [NONE; 2],
-                    rank: (balls[0], balls[1]),
-                    image,
-                });
+                let meeting = gas.meeting_of(pieces, time, (balls, owners), image);
+                self.follow_ups.push(meeting);
             }
         }
         self.glimpses = glimpses;

@@ -219,6 +219,27 @@ impl Gas<'_> {
         }
     }
 
+    /// The meeting of two pieces, of balls which entered the window with the flights `owners`, the lower ball first; it is moved by
+    /// `image` to touch the other.
+    #[inline(always)]
+    pub fn meeting_of(
+        &self,
+        [piece, other]: [Id; 2],
+        time: Time,
+        (balls, owners): ([u32; 2], [Id; 2]),
+        image: [i8; 3],
+    ) -> Meeting {
+        Meeting {
+            time: time.relative_to(self.window.begin.epoch),
+            piece,
+            other,
+            owners,
+            next: [NONE; 2],
+            rank: balls.into(),
+            image,
+        }
+    }
+
     /// The meeting of a piece with what bounds the domain, of a ball which entered the window with the flight `owner`.
     #[inline]
     pub fn meeting_with(

@@ -6,7 +6,7 @@ use crate::engine::image::{image_of, number_of, steps_of};
 use crate::engine::windowed::grid::Entry;
 use crate::engine::windowed::meeting::Meeting;
 use crate::engine::windowed::paths::Gas;
-use crate::engine::windowed::pieces::{Id, NONE};
+use crate::engine::windowed::pieces::Id;
 use crate::state::Trajectory;
 
 /// Two pieces that may meet in a cell, the one of the lower ball first.
@@ -54,15 +54,8 @@ impl Candidate {
                 return None;
             }
         }
-        Some(Meeting {
-            time: time.relative_to(gas.window.begin.epoch),
-            piece: number_of(self.entries[0]),
-            other: number_of(self.entries[1]),
-            owners: self.owners,
-            next: [NONE; 2],
-            rank: (self.balls[0], self.balls[1]),
-            image,
-        })
+        let pieces = self.entries.map(number_of);
+        Some(gas.meeting_of(pieces, time, (self.balls, self.owners), image))
     }
 
     /// By how many boxes the first ball is moved to touch the second, and by what length.

@@ -8,6 +8,7 @@
 //! All is in grid lengths and windows: the window lasts from time 0 to time 1.
 
 mod neighbours;
+mod read_ahead;
 mod sift;
 
 use pulp::{Arch, Simd, WithSimd, bytemuck};
@@ -18,6 +19,7 @@ use super::sheet::{LANES, Rows, Sheet};
 use crate::engine::turn::SIDE;
 #[cfg(target_arch = "x86_64")]
 use crate::engine::turn::as_v3;
+pub use read_ahead::ReadAhead;
 use sift::Doubt;
 
 /// The filter.
@@ -79,11 +81,13 @@ impl Filter {
         pieces: impl Rows,
         first: usize,
         (cell, middle): (u32, [f32; 3]),
+        ahead: ReadAhead,
     ) {
         self.machine.dispatch(Find {
             sheet,
             pieces,
             first,
+            ahead,
             cell,
             middle,
             limits: &self.limits,
@@ -143,6 +147,7 @@ struct Find<'a, P> {
     sheet: &'a mut Sheet,
     pieces: P,
     first: usize,
+    ahead: ReadAhead<'a>,
     cell: u32,
     middle: [f32; 3],
     limits: &'a Limits,
@@ -160,6 +165,7 @@ impl<P: Rows> WithSimd for Find<'_, P> {
             sheet,
             pieces,
             first,
+            ahead,
             cell,
             middle,
             limits,
@@ -183,10 +189,10 @@ impl<P: Rows> WithSimd for Find<'_, P> {
                     reach_squared: simd.splat_f32s(limits.reach_squared),
                     least_approach: simd.splat_f32s(-limits.receding),
                 };
-                pairs_that_pass(simd, sheet, hits, &test)
+                pairs_that_pass(simd, sheet, hits, &test, ahead)
             } else {
                 let test = LinesTouch::<S>(simd.splat_f32s(-limits.contact_squared));
-                pairs_that_pass(simd, sheet, hits, &test)
+                pairs_that_pass(simd, sheet, hits, &test, ahead)
             }
         };
         let count = write_down(&hits[..found], pairs);
@@ -235,7 +241,8 @@ fn write_down(hits: &[Hits], pairs: &mut Vec<(u32, u32)>) -> usize {
     count
 }
 
-/// Writes down the pairs of rows and of columns that come before them that pass a test; gives how many hits that took.
+/// Writes down the pairs of rows and of columns that come before them that pass a test; gives how many hits that took. Meanwhile it
+/// asks for the memory of the lines that are needed next.
 ///
 /// Free of branches that depend on the pieces: hits are written down by advancing past them. Where the next ones are written is
 /// looked up before the rows are read, not in between: so a row's numbers go from memory into all lanes at once.
@@ -245,6 +252,7 @@ fn pairs_that_pass<S: Simd>(
     sheet: &Sheet,
     hits: &mut Vec<Hits>,
     test: &impl Test<S>,
+    mut ahead: ReadAhead,
 ) -> usize {
     let rows = sheet.rows();
     let lanes = S::F32_LANES;
@@ -258,6 +266,7 @@ fn pairs_that_pass<S: Simd>(
             let columns = block.columns(simd, vector);
             let (groups, rest) = rows.as_chunks::<ROWS_AT_ONCE>();
             for group in groups {
+                ahead.read_some();
                 let next = &mut hits[found];
                 let mut lanes = 0;
                 for (place, row) in group.iter().enumerate() {
@@ -278,6 +287,7 @@ fn pairs_that_pass<S: Simd>(
             }
         }
     }
+    ahead.read_rest();
     found
 }
 
@@ -392,6 +402,7 @@ mod tests {
             sheet: &mut Sheet::default(),
             pieces: Crowd((0..count as Entry).collect()),
             first,
+            ahead: ReadAhead::default(),
             cell: 0,
             middle: [0.0; 3],
             limits,
@@ -430,7 +441,8 @@ mod tests {
 
     /// How many of a cell's pairs the filter lets through.
     fn count(filter: &mut Filter, pieces: impl Rows, first: usize) -> usize {
-        filter.find(&mut Sheet::default(), pieces, first, (0, [20.0; 3]));
+        let (here, ahead) = ((0, [20.0; 3]), ReadAhead::default());
+        filter.find(&mut Sheet::default(), pieces, first, here, ahead);
         let mut count = 0;
         filter.sift(|_| count += 1);
         count

@@ -353,6 +353,24 @@ impl Lists {
         &self.entries[cell * self.capacity..][..self.lengths[cell] as usize]
     }
 
+    /// The same; none if the cell is listed elsewhere.
+    #[inline]
+    pub fn entries_if_here(&self, cell: usize) -> &[Entry] {
+        let is_here = self.cells().contains(&cell);
+        if is_here { self.entries(cell) } else { &[] }
+    }
+
+    /// Asks for the memory of a cell's list.
+    #[inline]
+    pub fn read_ahead(&self, cell: usize) {
+        let cell = cell - self.first;
+        if let Some(&length) = self.lengths.get(cell) {
+            for entry in (0..length as usize).step_by(ENTRIES_AHEAD) {
+                prefetch_index(&*self.entries, cell * self.capacity + entry);
+            }
+        }
+    }
+
     /// How many entries of a cell have been tested against each other.
     #[inline]
     pub fn tested(&self, cell: usize) -> usize {

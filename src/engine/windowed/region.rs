@@ -11,7 +11,7 @@ use std::ops::Range;
 use prefetch_index::prefetch_index;
 use pulp::Arch;
 
-use super::filter::Filter;
+use super::filter::{Filter, ReadAhead};
 use super::grid::{Census, Entry, Lists};
 use super::listing::{Flights, Listing};
 use super::meeting::Meeting;
@@ -33,6 +33,9 @@ const CELLS_AT_ONCE: usize = 64;
 
 /// How many cells before its search the memory for a cell is asked for.
 const CELLS_AHEAD: usize = 2;
+
+/// How many cells before its search the memory for a cell's list is asked for.
+const LISTS_AHEAD: usize = 6;
 
 /// Candidates, or flights that need a closer look, that are loaded together.
 const LOADED_AT_ONCE: usize = 256;
@@ -269,8 +272,8 @@ impl Region {
             self.searched = end;
             self.begin_sheets(first);
             for cell in first..end {
-                self.read_ahead(shelves.lines, cell + CELLS_AHEAD);
-                self.search(&shelves, Some(&own), cell);
+                self.lists.read_ahead(cell + LISTS_AHEAD);
+                self.search(&shelves, Some(&own), cell, Some(cell + CELLS_AHEAD));
                 if self.candidates.len() >= MANY_CANDIDATES {
                     self.decide(&shelves, Some(&mut own));
                 }
@@ -293,16 +296,6 @@ impl Region {
     #[inline]
     fn has_sheet(&self, cell: usize) -> bool {
         cell.wrapping_sub(self.on_sheets) < self.sheets.len()
-    }
-
-    /// Asks for the memory of the flights that pass a cell.
-    #[inline]
-    fn read_ahead(&self, lines: &[Line], cell: usize) {
-        if self.lists.cells().contains(&cell) {
-            for &entry in self.lists.entries(cell) {
-                prefetch_index(lines, number_of(entry) as usize);
-            }
-        }
     }
 
     /// Finds the meetings of pieces that come from other regions; lists what follows if it has pieces to add.
@@ -349,9 +342,13 @@ impl Region {
                 if let Some(&ahead) = pending.get(index + CELLS_AHEAD)
                     && !self.has_sheet(ahead as usize)
                 {
-                    self.read_ahead(shelves.lines, ahead as usize);
+                    let ahead = ReadAhead {
+                        lines: shelves.lines,
+                        entries: self.lists.entries(ahead as usize),
+                    };
+                    ahead.read_rest();
                 }
-                self.search(shelves, own.as_deref(), cell as usize);
+                self.search(shelves, own.as_deref(), cell as usize, None);
             }
             pending.clear();
             if self.pending.is_empty() {
@@ -361,8 +358,9 @@ impl Region {
         }
     }
 
-    /// Finds which pieces of a cell may meet, but for those that have been searched before.
-    fn search(&mut self, shelves: &Shelves, own: Option<&Own>, cell: usize) {
+    /// Finds which pieces of a cell may meet, but for those that have been searched before. Meanwhile it asks for the memory of the
+    /// flights that pass the cell `ahead`.
+    fn search(&mut self, shelves: &Shelves, own: Option<&Own>, cell: usize, ahead: Option<usize>) {
         let Self {
             lists,
             filter,
@@ -382,10 +380,14 @@ impl Region {
         };
         let pieces = Passers { view, entries };
         let here = (cell as u32, shelves.gas.grid.center(cell));
+        let ahead = ReadAhead {
+            lines: shelves.lines,
+            entries: ahead.map_or(&[], |cell| lists.entries_if_here(cell)),
+        };
         if shelves.gas.is_periodic() {
-            filter.find(sheet, Images(pieces), tested, here);
+            filter.find(sheet, Images(pieces), tested, here, ahead);
         } else {
-            filter.find(sheet, pieces, tested, here);
+            filter.find(sheet, pieces, tested, here, ahead);
         }
         lists.set_tested(cell);
         if filter.doubts() >= MANY_DOUBTS {

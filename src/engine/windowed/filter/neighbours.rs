@@ -3,7 +3,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::{Filter, Hits, lanes_of, pairs_that_pass, write_down};
+use super::{Filter, Hits, ReadAhead, lanes_of, pairs_that_pass, write_down};
 use crate::engine::turn::SIDE;
 use crate::engine::windowed::questions::{BallsTouch, Limits, Near};
 use crate::engine::windowed::sheet::{Block, LANES, Row, Rows, Sheet};
@@ -19,11 +19,13 @@ impl Filter {
         sheet: &mut Sheet,
         flights: impl Rows,
         firsts: [f32; 3],
+        ahead: ReadAhead,
     ) -> (&[(u32, u32)], &[bool]) {
         let count = self.machine.dispatch(FindNeighbours {
             sheet,
             flights,
             firsts,
+            ahead,
             limits: &self.limits,
             hits: &mut self.hits,
             pairs: &mut self.pairs,
@@ -48,6 +50,7 @@ struct FindNeighbours<'a, P> {
     sheet: &'a mut Sheet,
     flights: P,
     firsts: [f32; 3],
+    ahead: ReadAhead<'a>,
     limits: &'a Limits,
     hits: &'a mut Vec<Hits>,
     pairs: &'a mut Vec<(u32, u32)>,
@@ -63,6 +66,7 @@ impl<P: Rows> WithSimd for FindNeighbours<'_, P> {
             sheet,
             flights,
             firsts,
+            ahead,
             limits,
             hits,
             pairs,
@@ -70,7 +74,7 @@ impl<P: Rows> WithSimd for FindNeighbours<'_, P> {
         } = self;
         sheet.fill(simd, &flights, flights.entries());
         sheet.mark(simd, firsts);
-        let found = pairs_that_pass(simd, sheet, hits, &Near::new(simd, limits));
+        let found = pairs_that_pass(simd, sheet, hits, &Near::new(simd, limits), ahead);
         let count = write_down(&hits[..found], pairs);
         if touching.len() < count + LANES {
             touching.resize(2 * count + LANES, false);
@@ -166,6 +170,7 @@ mod tests {
             sheet: &mut Sheet::default(),
             flights,
             firsts,
+            ahead: ReadAhead::default(),
             limits,
             hits: &mut Vec::new(),
             pairs: &mut pairs,

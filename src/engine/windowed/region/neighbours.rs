@@ -2,8 +2,9 @@
 
 use prefetch_index::prefetch_index;
 
-use super::{Candidate, LOADED_AT_ONCE, MANY_CANDIDATES, Passage, Region};
+use super::{Candidate, LISTS_AHEAD, LOADED_AT_ONCE, MANY_CANDIDATES, Passage, Region};
 use crate::engine::image::{IMAGE_SHIFT, Seen, image_at, image_of, number_of, steps_of};
+use crate::engine::windowed::filter::ReadAhead;
 use crate::engine::windowed::paths::Gas;
 use crate::engine::windowed::pieces::Id;
 use crate::engine::windowed::sheet::{LANES, Row};
@@ -33,14 +34,12 @@ impl Region {
         self.census = self.lists.take_census();
         self.neighbours.reset(self.flights.clone());
         for cell in self.lists.cells() {
+            self.lists.read_ahead(cell + LISTS_AHEAD);
             let ahead = cell + CELLS_AHEAD;
-            self.read_ahead(shelves.lines, ahead);
-            if self.lists.cells().contains(&ahead) {
-                for &entry in self.lists.entries(ahead) {
-                    self.neighbours.read_ahead(number_of(entry));
-                }
+            for &entry in self.lists.entries_if_here(ahead) {
+                self.neighbours.read_ahead(number_of(entry));
             }
-            self.note_neighbours(&shelves, cell);
+            self.note_neighbours(&shelves, cell, ahead);
             if self.candidates.len() >= MANY_CANDIDATES {
                 self.meet_neighbours(&shelves);
             }
@@ -61,8 +60,9 @@ impl Region {
         self.filter.touching(row, partner, others)
     }
 
-    /// Notes who are neighbours in a cell, and who of them may meet.
-    fn note_neighbours(&mut self, shelves: &Shelves, cell: usize) {
+    /// Notes who are neighbours in a cell, and who of them may meet. Meanwhile it asks for the memory of the flights that pass the
+    /// cell `ahead`.
+    fn note_neighbours(&mut self, shelves: &Shelves, cell: usize, ahead: usize) {
         let Self {
             lists,
             neighbours,
@@ -77,10 +77,14 @@ impl Region {
         let view = View { shelves, own: None };
         let pieces = Passers { view, entries };
         let firsts = gas.firsts(cell);
+        let ahead = ReadAhead {
+            lines: shelves.lines,
+            entries: lists.entries_if_here(ahead),
+        };
         let (pairs, touching) = if gas.is_periodic() {
-            filter.neighbours(spare_sheet, Images(pieces), firsts)
+            filter.neighbours(spare_sheet, Images(pieces), firsts, ahead)
         } else {
-            filter.neighbours(spare_sheet, pieces, firsts)
+            filter.neighbours(spare_sheet, pieces, firsts, ahead)
         };
         let rows = spare_sheet.rows();
         for (&(row, other), &touching) in pairs.iter().zip(touching) {

@@ -101,22 +101,22 @@ pub struct Listing<'a, 'f> {
     pub lists: &'a mut Lists,
     /// Passages through other regions' cells.
     pub outbox: &'a mut Vec<Passage>,
-    /// Receives flights that need a closer look.
-    pub aside: &'a mut Vec<u32>,
+    /// Receives flights that need a closer look, with their balls.
+    pub aside: &'a mut Vec<(Id, u32)>,
 }
 
-impl<'f> Listing<'_, 'f> {
-    /// Moves all flights to the window's beginning and lists them. Gives back their lines.
-    pub fn run(self, machine: Arch) -> &'f [Line] {
-        machine.dispatch(self)
+impl Listing<'_, '_> {
+    /// Moves all flights to the window's beginning and lists them.
+    pub fn run(self, machine: Arch) {
+        machine.dispatch(self);
     }
 }
 
-impl<'f> WithSimd for Listing<'_, 'f> {
-    type Output = &'f [Line];
+impl WithSimd for Listing<'_, '_> {
+    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> &'f [Line] {
+    fn with_simd<S: Simd>(self, simd: S) {
         let bounds = Bounds::new(&self.gas);
         let planes = planes(&self.gas);
         let mut block = Block::new(bounds.radius);
@@ -180,7 +180,7 @@ impl<'f> WithSimd for Listing<'_, 'f> {
             let aside = |touched: u32, id: Id| {
                 let aside = touched & (WIDE | NEAR_BOUNDARY) != 0;
                 if aside {
-                    self.aside.push(id);
+                    self.aside.push((id, block.ball((id - first) as usize)));
                 }
                 aside
             };
@@ -194,7 +194,6 @@ impl<'f> WithSimd for Listing<'_, 'f> {
             }
             first += count_of_lines as u32;
         }
-        all
     }
 }
 

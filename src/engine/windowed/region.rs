@@ -83,7 +83,7 @@ pub struct Region {
     ways: Ways,
     candidates: Scratch<Candidate>,
     loaded: Vec<[Trajectory; 2]>,
-    aside: Scratch<u32>,
+    aside: Scratch<(Id, u32)>,
     aside_loaded: Vec<Trajectory>,
     /// Cells before this one have been searched.
     searched: usize,
@@ -158,7 +158,7 @@ impl Region {
         self.aside.empty();
         self.searched = 0;
         self.filter.begin_window(margins);
-        let lines = Listing {
+        Listing {
             gas,
             first: self.flights.start,
             flights,
@@ -167,31 +167,23 @@ impl Region {
             aside: &mut self.aside,
         }
         .run(Arch::new());
-        let first = self.flights.start;
-        let ball = |flight: u32| lines[flight as usize - first].ball();
         let aside = std::mem::take(&mut self.aside);
         for aside in aside.chunks(LOADED_AT_ONCE) {
             // Loaded on their own, that the memory can be asked for several at a time.
-            let flight = |&flight: &u32| gas.state.trajectories[ball(flight) as usize];
+            let flight = |&(_, ball): &(Id, u32)| gas.state.trajectories[ball as usize];
             self.aside_loaded.clear();
             self.aside_loaded.extend(aside.iter().map(flight));
-            for (&flight, index) in aside.iter().zip(0..) {
+            for (&(flight, ball), index) in aside.iter().zip(0..) {
                 let trajectory = self.aside_loaded[index];
                 if gas.drift.is_some() {
-                    self.list_around(gas, flight, &trajectory, ball(flight));
+                    self.list_around(gas, flight, &trajectory, ball);
                     continue;
                 }
-                self.trace(
-                    gas,
-                    flight,
-                    trajectory,
-                    (ball(flight), flight),
-                    |number, after| {
-                        let line = gas.piece_line(after, ball(flight));
-                        let place = firsts.push(*after, line, Origin::of_flight(flight));
-                        gas.numbering.id(FIRST, number, place)
-                    },
-                );
+                self.trace(gas, flight, trajectory, (ball, flight), |number, after| {
+                    let line = gas.piece_line(after, ball);
+                    let place = firsts.push(*after, line, Origin::of_flight(flight));
+                    gas.numbering.id(FIRST, number, place)
+                });
             }
             self.list_ways(&gas);
         }

@@ -140,6 +140,12 @@ impl Block {
         }
     }
 
+    /// Which ball one of the flights is of.
+    #[inline(always)]
+    pub fn ball(&self, lane: usize) -> u32 {
+        self.others[0][lane].to_bits()
+    }
+
     /// The columns of lines.
     #[inline(always)]
     fn columns(&mut self) -> impl Iterator<Item = &mut [f32; BLOCK]> {

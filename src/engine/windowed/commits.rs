@@ -299,4 +299,7 @@ fn read_ahead(state: &State, lines: &[Line], meeting: &Meeting) {
     for owner in meeting.owners {
         prefetch_index(lines, owner as usize);
     }
+    if meeting.bound().is_some() && !state.images.is_empty() {
+        prefetch_index(&state.images, ball as usize);
+    }
 }

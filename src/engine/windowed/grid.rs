@@ -14,7 +14,7 @@ use prefetch_index::prefetch_index;
 
 use crate::cell_list::widened;
 use crate::domain::{Boundary, Domain};
-use crate::engine::image::{IMAGE_SHIFT, Seen, image_at, steps_of};
+use crate::engine::image::{IMAGE_SHIFT, IMAGES, Seen, image_at, steps_of};
 
 /// Margin around a ball, in cell widths: far above rounding, far below anything that costs.
 pub const SLACK: f64 = 1.0 / (1 << 20) as f64;
@@ -49,7 +49,8 @@ pub struct Grid {
     /// See `lowest`.
     highest: Place,
     half_size: DVec3,
-    period: DVec3,
+    /// By how much each image is moved, in grid lengths.
+    shifts: [[f32; 3]; IMAGES],
     width: DVec3,
     per_width: DVec3,
     slack: f64,
@@ -112,7 +113,10 @@ impl Grid {
             lowest: -margin,
             highest: counts.map(|count| count - 1 + margin),
             half_size,
-            period: domain.period(),
+            shifts: std::array::from_fn(|image| {
+                let steps = DVec3::from_array(steps_of(image).map(f64::from));
+                (steps * domain.period() * scale).as_vec3().to_array()
+            }),
             width,
             per_width: 1.0 / width,
             slack: SLACK * width.min_element(),
@@ -181,14 +185,10 @@ impl Grid {
         self.centers[cell]
     }
 
-    /// By how much an image is moved \[length\].
+    /// By how much an image is moved, in grid lengths.
     #[inline]
-    pub fn shift(&self, image: usize) -> DVec3 {
-        if image == 0 {
-            DVec3::ZERO
-        } else {
-            DVec3::from_array(steps_of(image).map(f64::from)) * self.period
-        }
+    pub fn shift(&self, image: usize) -> [f32; 3] {
+        self.shifts[image]
     }
 
     /// The cell that holds a position in grid lengths; one outside the box belongs to the nearest.
@@ -568,6 +568,6 @@ mod tests {
         let opposite = grid.target_at(DVec3::new(-0.99, 0.1, 0.1));
         assert_eq!(number_of(cells[1]), opposite);
         assert_eq!(steps_of(image_of(cells[1])), [-1, 0, 0]);
-        assert_eq!(grid.shift(image_of(cells[1])), DVec3::new(-2.0, 0.0, 0.0));
+        assert_eq!(grid.shift(image_of(cells[1])), [-8.0, 0.0, 0.0]);
     }
 }

@@ -81,8 +81,8 @@ impl Windowed {
             for (row, &neighbour) in rows.iter_mut().zip(neighbours) {
                 *row = self.lines[number_of(neighbour) as usize];
                 if image_of(neighbour) != 0 {
-                    let shift = self.grid.shift(image_of(neighbour)) * self.grid.scale;
-                    *row = row.moved((-shift).as_vec3().into());
+                    let shift = self.grid.shift(image_of(neighbour));
+                    *row = row.moved(shift.map(|shift| -shift));
                 }
             }
             let mut touching = region.touching(&line, partner, &rows);

@@ -155,7 +155,8 @@ impl Line {
     }
 
     /// The same elsewhere.
-    #[inline(always)]
+    // A function of its own, that a line that stays where it is is copied as a whole.
+    #[inline(never)]
     pub fn moved(&self, shift: [f32; 3]) -> Self {
         let mut moved = *self;
         for (axis, shift) in shift.into_iter().enumerate() {

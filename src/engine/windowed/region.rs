@@ -331,12 +331,17 @@ impl Region {
         while !self.pending.is_empty() {
             let mut pending = std::mem::take(&mut self.pending);
             for (index, &cell) in pending.iter().enumerate() {
-                if let Some(&ahead) = pending.get(index + CELLS_AHEAD)
-                    && !self.has_sheet(ahead as usize)
-                {
+                let off_sheet = |index: usize| {
+                    let cell = pending.get(index).map(|&cell| cell as usize);
+                    cell.filter(|&cell| !self.has_sheet(cell))
+                };
+                if let Some(ahead) = off_sheet(index + LISTS_AHEAD) {
+                    self.lists.read_ahead(ahead);
+                }
+                if let Some(ahead) = off_sheet(index + CELLS_AHEAD) {
                     let ahead = ReadAhead {
                         lines: shelves.lines,
-                        entries: self.lists.entries(ahead as usize),
+                        entries: self.lists.entries(ahead),
                     };
                     ahead.read_rest();
                 }

@@ -104,9 +104,7 @@ impl Rows for Images<'_> {
         if image_of(entry) == 0 {
             return *line;
         }
-        let grid = view.shelves.gas.grid;
-        let shift = grid.shift(image_of(entry)) * grid.scale;
-        line.moved(shift.as_vec3().into())
+        line.moved(view.shelves.gas.grid.shift(image_of(entry)))
     }
 
     #[inline(always)]

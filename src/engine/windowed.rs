@@ -434,11 +434,21 @@ fn by_region<'l, T>(
     })
 }
 
+/// What regions have for each other's cells. Every region allows for the fastest piece of any.
 fn outboxes(regions: &mut [Region]) -> Vec<Vec<region::Passage>> {
+    allow_for_all(regions);
     regions
         .iter_mut()
         .map(|region| std::mem::take(&mut region.outbox))
         .collect()
+}
+
+/// Makes every region allow for the fastest piece of any.
+fn allow_for_all(regions: &mut [Region]) {
+    let fastest = regions.iter().map(Region::fastest).fold(0.0, f32::max);
+    for region in regions {
+        region.allow(fastest);
+    }
 }
 
 impl Engine for Windowed {

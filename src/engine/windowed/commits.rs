@@ -11,7 +11,7 @@ use super::meeting::{Bound, Meeting};
 use super::paths::Window;
 use super::pieces::{Id, LATER, Line, NONE, Origin};
 use super::shelves::Shelves;
-use super::{MOST_PER_WINDOW, Windowed, looking};
+use super::{MOST_PER_WINDOW, Windowed, allow_for_all, looking};
 use crate::engine::Stuck;
 use crate::engine::contact;
 use crate::event::{Collision, Participants, Wall};
@@ -253,6 +253,7 @@ impl Windowed {
             lines: &self.lines,
             kinds: [firsts, fresh, later],
         };
+        allow_for_all(&mut regions);
         for region in &mut regions {
             region.visit(&shelves, &passages);
         }

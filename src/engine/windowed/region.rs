@@ -17,7 +17,7 @@ use super::listing::{Flights, Listing};
 use super::meeting::Meeting;
 use super::neighbours::Neighbours;
 use super::paths::Gas;
-use super::pieces::{FIRST, Id, Line, NONE, Origin, Piece, Pieces};
+use super::pieces::{FIRST, Id, NONE, Origin, Piece, Pieces};
 use super::questions::Margins;
 use super::scratch::Scratch;
 use super::sheet::Sheet;
@@ -73,8 +73,6 @@ pub struct Region {
     pub meetings: Scratch<Meeting>,
     /// Passages through other regions' cells.
     pub outbox: Vec<Passage>,
-    /// The first flights in each cell when the balls were sorted, and the one after the last.
-    places: Vec<u32>,
     filter: Filter,
     /// The sheets of the cells that are searched together, the first of these cells, and a sheet for any other cell.
     sheets: Vec<Sheet>,
@@ -126,27 +124,17 @@ impl Region {
         let expected = 5 * (ends[1] - ends[0]) / (2 * cells.len().max(1));
         self.number = number;
         self.flights = ends[0]..ends[1];
-        self.places.clear();
-        self.places.extend_from_slice(places);
         self.lists.reset(cells, expected);
     }
 
-    /// The balls of the region's flights, in their order, out of all the lines and the cells these are in.
-    pub fn sort_balls(&self, lines: &[Line], cells: &[u32], balls: &mut [u32]) {
-        let (range, first) = (self.lists.cells(), self.flights.start);
-        let mut places = self.places.clone();
-        let places = &mut places[..range.len()];
-        for (line, &cell) in lines.iter().zip(cells) {
-            if let Some(place) = places.get_mut((cell as usize).wrapping_sub(range.start)) {
-                balls[*place as usize - first] = line.ball();
-                *place += 1;
-            }
-        }
-    }
-
-    /// Largest speed of any piece that was seen or added.
+    /// Largest speed of any piece that was added or that it allows for.
     pub fn fastest(&self) -> f32 {
         self.filter.fastest()
+    }
+
+    /// Allows for other regions' pieces, if none is faster than this.
+    pub fn allow(&mut self, fastest: f32) {
+        self.filter.allow(fastest);
     }
 
     /// Moves the region's flights on to the window's beginning and lists them and the pieces that follow where they meet what
@@ -239,16 +227,12 @@ impl Region {
     }
 
     /// Lists what the others' outboxes hold for this region's cells.
-    fn deliver<'m>(&mut self, shelves: &Shelves, mail: impl IntoIterator<Item = &'m Passage>) {
+    fn deliver<'m>(&mut self, mail: impl IntoIterator<Item = &'m Passage>) {
         let cells = self.lists.cells();
         for &(entry, cell) in mail {
             let cell = cell as usize;
-            if cells.contains(&cell) {
-                let line = view(shelves, None).line(number_of(entry));
-                self.filter.allow(line.speed());
-                if self.lists.insert(cell, entry) && cell < self.searched {
-                    self.pending.push(cell as u32);
-                }
+            if cells.contains(&cell) && self.lists.insert(cell, entry) && cell < self.searched {
+                self.pending.push(cell as u32);
             }
         }
     }
@@ -256,7 +240,7 @@ impl Region {
     /// Finds the meetings in the region's cells, after the others' `mail` has been listed, and lists the pieces that will follow.
     pub fn find(&mut self, shelves: Shelves, mail: &[Vec<Passage>], mut own: Own) {
         self.outbox.clear();
-        self.deliver(&shelves, mail.iter().flatten());
+        self.deliver(mail.iter().flatten());
         self.census = self.lists.take_census();
         let cells = self.lists.cells();
         for first in cells.clone().step_by(CELLS_AT_ONCE) {
@@ -293,7 +277,7 @@ impl Region {
     /// Finds the meetings of pieces that come from other regions; lists what follows if it has pieces to add.
     pub fn find_visitors(&mut self, shelves: Shelves, mail: &[Vec<Passage>], mut own: Option<Own>) {
         self.outbox.clear();
-        self.deliver(&shelves, mail.iter().flatten());
+        self.deliver(mail.iter().flatten());
         self.follow_up(&shelves, own.as_mut());
     }
 
@@ -489,7 +473,7 @@ impl Region {
 
     /// Lists pieces in cells of this region and finds their meetings with those listed there before.
     pub fn visit(&mut self, shelves: &Shelves, passages: &[Passage]) {
-        self.deliver(shelves, passages);
+        self.deliver(passages);
         self.follow_up(shelves, None);
     }
 }

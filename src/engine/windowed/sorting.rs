@@ -1,5 +1,7 @@
 //! Sorts the balls by where they are, and settles from the state and from counts how the windows until the next sorting are.
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use prefetch_index::prefetch_index;
 
 use super::pieces::{Line, NONE, Piece};
@@ -39,8 +41,7 @@ impl Windowed {
                 census[*cell as usize] += 1;
             }
         });
-        let places = first_places(&censuses);
-        drop(censuses);
+        let places = first_places(&mut censuses);
         let cut = |region: usize| {
             let balls = (count * region / region_count) as u32;
             if region == region_count {
@@ -54,15 +55,19 @@ impl Windowed {
             let (first, end) = (cuts[number], cuts[number + 1]);
             region.reset(number, first..end, &places[first..=end]);
         }
-        let mut balls = vec![0_u32; count];
-        let shares = self
-            .regions
-            .iter()
-            .zip(by_region(&mut balls, &self.regions));
-        self.team.work(shares, |(region, balls)| {
-            region.sort_balls(&self.lines, &cells, balls);
+        // Each has its place; that no two have the same one the compiler cannot know.
+        let balls: Vec<AtomicU32> = (0..count).map(|_| AtomicU32::new(0)).collect();
+        let chunks = self.lines.chunks(share).zip(cells.chunks(share));
+        let chunks = chunks.zip(&mut censuses);
+        self.team.work(chunks, |((lines, cells), next_places)| {
+            for (line, &cell) in lines.iter().zip(cells) {
+                let place = &mut next_places[cell as usize];
+                balls[*place as usize].store(line.ball(), Ordering::Relaxed);
+                *place += 1;
+            }
         });
-        drop((cells, places));
+        let balls: Vec<u32> = balls.into_iter().map(AtomicU32::into_inner).collect();
+        drop((cells, places, censuses));
         self.tune();
 
         let mut lines = std::mem::take(&mut self.lines);
@@ -138,13 +143,18 @@ impl Windowed {
     }
 }
 
-/// The first ball's place in each cell, and the one after the last, from how many balls of each share are in each.
-fn first_places(censuses: &[Vec<u32>]) -> Vec<u32> {
+/// The first ball's place in each cell, and the one after the last, from how many balls of each share are in each: of these it makes
+/// where the share's first is.
+fn first_places(censuses: &mut [Vec<u32>]) -> Vec<u32> {
     let mut next = 0;
     let cells = 0..censuses[0].len();
     let place = |cell: usize| {
         let place = next;
-        next += censuses.iter().map(|census| census[cell]).sum::<u32>();
+        for census in censuses.iter_mut() {
+            let first = next;
+            next += census[cell];
+            census[cell] = first;
+        }
         place
     };
     let mut places: Vec<_> = cells.map(place).collect();

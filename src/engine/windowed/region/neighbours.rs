@@ -30,7 +30,7 @@ impl Region {
     /// flights go into the outbox.
     pub fn find_neighbours(&mut self, shelves: Shelves, mail: &[Vec<Passage>]) {
         self.outbox.clear();
-        self.deliver(&shelves, mail.iter().flatten());
+        self.deliver(mail.iter().flatten());
         self.census = self.lists.take_census();
         self.neighbours.reset(self.flights.clone());
         for cell in self.lists.cells() {

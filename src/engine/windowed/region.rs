@@ -118,12 +118,11 @@ fn is_first(gas: &Gas, ids: [Id; 2], time: f64, (kind, pieces): (usize, &mut Pie
 }
 
 impl Region {
-    /// Makes this the region of these cells. `places` are the first flights in each, and the one after the last.
-    pub fn reset(&mut self, number: usize, cells: Range<usize>, places: &[u32]) {
-        let ends = [places[0], places[cells.len()]].map(|flight| flight as usize);
-        let expected = 5 * (ends[1] - ends[0]) / (2 * cells.len().max(1));
+    /// Makes this the region of these cells and of the flights that are in them now.
+    pub fn reset(&mut self, number: usize, cells: Range<usize>, flights: Range<usize>) {
+        let expected = 5 * flights.len() / (2 * cells.len().max(1));
         self.number = number;
-        self.flights = ends[0]..ends[1];
+        self.flights = flights;
         self.lists.reset(cells, expected);
     }
 

@@ -53,7 +53,8 @@ impl Windowed {
         let cuts: Vec<usize> = (0..=region_count).map(cut).collect();
         for (number, region) in self.regions.iter_mut().enumerate() {
             let (first, end) = (cuts[number], cuts[number + 1]);
-            region.reset(number, first..end, &places[first..=end]);
+            let flights = places[first] as usize..places[end] as usize;
+            region.reset(number, first..end, flights);
         }
         // Each has its place; that no two have the same one the compiler cannot know.
         let balls: Vec<AtomicU32> = (0..count).map(|_| AtomicU32::new(0)).collect();

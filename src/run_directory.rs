@@ -81,6 +81,7 @@ impl RunDirectory {
             )));
         }
         let path = fs::canonicalize(path).map_err(|error| failure(path, "open", error))?;
+        forget_links_to(&path); // of runs whose files are gone
         // Without its link the run is found by its directory alone.
         let linked = numbered(title, |link| symlink(&path, link));
         let name = linked.map_or_else(|_| path.display().to_string(), |(name, _)| name);
@@ -324,6 +325,18 @@ fn root() -> Result<PathBuf> {
             "no place for runs: set HOME or XDG_STATE_HOME, or give --run-dir DIR".to_owned(),
         )
     })
+}
+
+/// Removes the names that lead to a directory.
+fn forget_links_to(directory: &Path) {
+    let entries =
+        root().and_then(|root| fs::read_dir(&root).map_err(|error| failure(&root, "read", error)));
+    for entry in entries.into_iter().flatten().flatten() {
+        let link = entry.path();
+        if fs::read_link(&link).is_ok_and(|target| target == directory) {
+            let _ = fs::remove_file(&link); // who cannot is left with a name too many
+        }
+    }
 }
 
 /// Makes the first of `title-1`, `title-2`, ... that does not exist, and gives back its name and path.

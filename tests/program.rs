@@ -344,6 +344,11 @@ fn a_run_leaves_a_directory_of_its_own() {
     let again = run(&["--run-dir", "here"]);
     assert_eq!(again.status.code(), Some(2));
     assert!(text(&again.stderr).contains("--run-dir here: holds a run already"));
+    // Deleted and used again, it is the new run's and has one name.
+    fs::remove_dir_all(directory.path().join("here")).expect("an ended run");
+    assert_eq!(run(&["--run-dir", "here"]).status.code(), Some(0));
+    let names = text(&output(&directory, &["list"]).stdout);
+    assert_eq!(names.matches("512-balls-").count(), 3, "{names}");
 }
 
 #[test]

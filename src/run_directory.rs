@@ -329,9 +329,8 @@ fn root() -> Result<PathBuf> {
 
 /// Removes the names that lead to a directory.
 fn forget_links_to(directory: &Path) {
-    let entries =
-        root().and_then(|root| fs::read_dir(&root).map_err(|error| failure(&root, "read", error)));
-    for entry in entries.into_iter().flatten().flatten() {
+    let Ok(root) = root() else { return };
+    for entry in fs::read_dir(root).into_iter().flatten().flatten() {
         let link = entry.path();
         if fs::read_link(&link).is_ok_and(|target| target == directory) {
             let _ = fs::remove_file(&link); // who cannot is left with a name too many

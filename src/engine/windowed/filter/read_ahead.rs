@@ -22,11 +22,12 @@ impl ReadAhead<'_> {
     /// Asks for a few of them.
     #[inline(always)]
     pub fn read_some(&mut self) {
-        let (some, rest) = self.entries.split_at(FEW_LINES.min(self.entries.len()));
-        for &entry in some {
-            prefetch_index(self.lines, number_of(entry) as usize);
+        if let Some((some, rest)) = self.entries.split_first_chunk::<FEW_LINES>() {
+            for &entry in some {
+                prefetch_index(self.lines, number_of(entry) as usize);
+            }
+            self.entries = rest;
         }
-        self.entries = rest;
     }
 
     /// Asks for those that are left.

@@ -15,7 +15,7 @@ use pulp::{Arch, Simd, WithSimd, bytemuck};
 
 use super::questions::{BallsTouch, Limits, LinesTouch, Margins, Test, WithinReach};
 use super::scratch::Scratch;
-use super::sheet::{LANES, Rows, Sheet};
+use super::sheet::{Columns, LANES, Rows, Sheet};
 use crate::engine::turn::SIDE;
 #[cfg(target_arch = "x86_64")]
 use crate::engine::turn::as_v3;
@@ -174,14 +174,15 @@ impl<P: Rows> WithSimd for Find<'_, P> {
             doubts,
         } = self;
         let entries = pieces.entries();
-        let found = if first > 0 {
+        let (found, rotated) = if first > 0 {
             if sheet.rows().is_empty() {
                 sheet.fill(simd, &pieces, &entries[..first]);
             }
             for &entry in &entries[first..] {
                 sheet.push(pieces.row(entry));
             }
-            few_pairs_that_pass(simd, sheet, &pieces, first, (hits, limits))
+            let found = few_pairs_that_pass(simd, sheet, &pieces, first, (hits, limits));
+            (found, 0)
         } else {
             sheet.fill(simd, &pieces, entries);
             if limits.by_distance {
@@ -195,7 +196,7 @@ impl<P: Rows> WithSimd for Find<'_, P> {
                 pairs_that_pass(simd, sheet, hits, &test, ahead)
             }
         };
-        let count = write_down(&hits[..found], pairs);
+        let count = write_down(&hits[..found], rotated, pairs);
         let rows = sheet.rows();
         doubts.extend(pairs[..count].iter().map(|&(row, other)| Doubt {
             rows: [row, other].map(|row| rows[row as usize]),
@@ -209,24 +210,41 @@ impl<P: Rows> WithSimd for Find<'_, P> {
 /// A piece and itself, which cannot meet.
 const NO_PAIR: (u32, u32) = (0, 0);
 
-/// Writes down the pairs that hits stand for, and then some that cannot meet, up to a multiple of [`SIDE`]. Gives how many pairs
-/// they are.
+/// Writes down the pairs that hits stand for, the later row first, and then some that cannot meet, up to a multiple of [`SIDE`]. Gives
+/// how many pairs they are.
 #[inline(always)]
-fn write_down(hits: &[Hits], pairs: &mut Vec<(u32, u32)>) -> usize {
+fn write_down(hits: &[Hits], rotated: usize, pairs: &mut Vec<(u32, u32)>) -> usize {
     let counts = hits.iter().map(|hits| hits.lanes.count_ones() as usize);
     let count: usize = counts.sum();
     if pairs.len() < count + SIDE {
         pairs.resize(2 * count + SIDE, NO_PAIR);
     }
-    let mut place = 0;
+    let (of_rotated, of_rows) = hits.split_at(rotated);
+    let place = write_some(of_rotated, pairs, 0, |hits, place, lane| {
+        let other = lane.wrapping_sub(hits.row + place) % LANES as u32;
+        let (one, other) = (hits.column + lane, hits.column + other);
+        (one.max(other), one.min(other))
+    });
+    write_some(of_rows, pairs, place, |hits, place, lane| {
+        (hits.row + place, hits.column + lane)
+    });
+    pairs[count..count + SIDE].fill(NO_PAIR);
+    count
+}
+
+/// Writes down pairs from a place on, each as given by which of its hits' rows it is and the lane; gives the place after them.
+#[inline(always)]
+fn write_some(
+    hits: &[Hits],
+    pairs: &mut [(u32, u32)],
+    mut place: usize,
+    pair: impl Fn(&Hits, u32, u32) -> (u32, u32),
+) -> usize {
     for hits in hits {
         let mut lanes = hits.lanes;
         let mut next = |lanes: &mut u64| {
             let bit = lanes.trailing_zeros();
-            pairs[place] = (
-                hits.row + bit / LANES as u32,
-                hits.column + bit % LANES as u32,
-            );
+            pairs[place] = pair(hits, bit / LANES as u32, bit % LANES as u32);
             place += usize::from(*lanes != 0);
             *lanes &= lanes.wrapping_sub(1);
         };
@@ -237,12 +255,18 @@ fn write_down(hits: &[Hits], pairs: &mut Vec<(u32, u32)>) -> usize {
             next(&mut lanes);
         }
     }
-    pairs[count..count + SIDE].fill(NO_PAIR);
-    count
+    place
 }
 
-/// Writes down the pairs of rows and of columns that come before them that pass a test; gives how many hits that took. Meanwhile it
-/// asks for the memory of the lines that are needed next.
+/// Fewest rows of a block that are worth being compared with the block's columns all at once.
+const ROWS_TO_ROTATE: usize = LANES / 2 + 2;
+
+/// The lanes of the last rotations that are asked for: half a turn brings each pair together twice.
+const LAST_LANES: u64 = u64::MAX >> (LANES / 2);
+
+/// Writes down the pairs of rows that pass a test; gives how many hits that took, and how many of them, which come first, are of a
+/// block's columns and the same ones rotated by as much as the hits' row says. Meanwhile it asks for the memory of the lines that are
+/// needed next.
 ///
 /// Free of branches that depend on the pieces: hits are written down by advancing past them. Where the next ones are written is
 /// looked up before the rows are read, not in between: so a row's numbers go from memory into all lanes at once.
@@ -253,15 +277,43 @@ fn pairs_that_pass<S: Simd>(
     hits: &mut Vec<Hits>,
     test: &impl Test<S>,
     mut ahead: ReadAhead,
-) -> usize {
+) -> (usize, usize) {
     let rows = sheet.rows();
     let lanes = S::F32_LANES;
     let hits = room_for(hits, rows.len() * rows.len().div_ceil(lanes));
     let mut found = 0;
+    // Where vectors are as long as blocks, half as many questions do for the pairs within a block.
+    let blocks_to_rotate = if const { S::F32_LANES == LANES } {
+        (rows.len() + LANES - ROWS_TO_ROTATE) / LANES
+    } else {
+        0
+    };
+    for (number, block) in sheet.blocks()[..blocks_to_rotate].iter().enumerate() {
+        let columns = block.columns(simd, 0);
+        for first in (1..=LANES / 2).step_by(ROWS_AT_ONCE) {
+            ahead.read_some();
+            let next = &mut hits[found];
+            let mut lanes = 0;
+            for place in 0..ROWS_AT_ONCE {
+                let rotated = columns.rotated(simd, first + place);
+                lanes |= lanes_of(simd, test.passes(simd, rotated, columns)) << (place * LANES);
+            }
+            if first + ROWS_AT_ONCE > LANES / 2 {
+                lanes &= LAST_LANES;
+            }
+            *next = Hits::new(first, number * LANES, lanes);
+            found += usize::from(lanes != 0);
+        }
+    }
+    let rotated = found;
     for (number, block) in sheet.blocks().iter().enumerate() {
         for vector in 0..LANES / lanes {
             let column = number * LANES + vector * lanes;
-            let mut row = column + 1;
+            let mut row = if number < blocks_to_rotate {
+                column + lanes
+            } else {
+                column + 1
+            };
             let Some(rows) = rows.get(row..) else { break };
             let columns = block.columns(simd, vector);
             let (groups, rest) = rows.as_chunks::<ROWS_AT_ONCE>();
@@ -270,6 +322,7 @@ fn pairs_that_pass<S: Simd>(
                 let next = &mut hits[found];
                 let mut lanes = 0;
                 for (place, row) in group.iter().enumerate() {
+                    let row = Columns::all_like(simd, row);
                     lanes |= lanes_of(simd, test.passes(simd, row, columns)) << (place * LANES);
                 }
                 lanes &= BEFORE[(row - column).min(LANES)];
@@ -279,6 +332,7 @@ fn pairs_that_pass<S: Simd>(
             }
             for one in rest {
                 let next = &mut hits[found];
+                let one = Columns::all_like(simd, one);
                 let lanes = lanes_of(simd, test.passes(simd, one, columns));
                 let lanes = lanes & BEFORE[(row - column).min(LANES)];
                 *next = Hits::new(row, column, lanes);
@@ -288,7 +342,7 @@ fn pairs_that_pass<S: Simd>(
         }
     }
     ahead.read_rest();
-    found
+    (found, rotated)
 }
 
 /// The same for rows from the first on, which are few and mostly begin at collisions.

@@ -197,16 +197,6 @@ fn difference<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> [S::f32s; 3
     ]
 }
 
-/// Three numbers, each in all lanes.
-#[inline(always)]
-fn splat<S: Simd>(simd: S, a: [f32; 3]) -> [S::f32s; 3] {
-    [
-        simd.splat_f32s(a[0]),
-        simd.splat_f32s(a[1]),
-        simd.splat_f32s(a[2]),
-    ]
-}
-
 #[inline(always)]
 fn dot<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> S::f32s {
     let sum = simd.mul_f32s(a[0], b[0]);
@@ -214,10 +204,10 @@ fn dot<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3]) -> S::f32s {
     simd.mul_add_e_f32s(a[2], b[2], sum)
 }
 
-/// What all pairs of a row and of columns are asked first.
+/// What all pairs are asked first.
 pub trait Test<S: Simd> {
-    /// Which of them may meet, as far as this tells.
-    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s;
+    /// Which pieces may meet the ones in the same lanes, as far as this tells: the same either way.
+    fn passes(&self, simd: S, one: Columns<S>, other: Columns<S>) -> S::m32s;
 }
 
 /// Are they near enough for meeting in the window, and do they not recede?
@@ -229,8 +219,8 @@ pub struct WithinReach<S: Simd> {
 
 impl<S: Simd> Test<S> for WithinReach<S> {
     #[inline(always)]
-    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
-        let [apart, velocity] = between(simd, row, columns);
+    fn passes(&self, simd: S, one: Columns<S>, other: Columns<S>) -> S::m32s {
+        let [apart, velocity] = between(simd, one, other);
         let near = simd.less_than_f32s(dot(simd, apart, apart), self.reach_squared);
         let approach = simd.greater_than_f32s(dot(simd, apart, velocity), self.least_approach);
         simd.and_m32s(near, approach)
@@ -255,12 +245,12 @@ impl<S: Simd> Near<S> {
 
 impl<S: Simd> Test<S> for Near<S> {
     #[inline(always)]
-    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
-        let apart = difference(simd, columns.position, splat(simd, row.position()));
+    fn passes(&self, simd: S, one: Columns<S>, other: Columns<S>) -> S::m32s {
+        let apart = difference(simd, other.position, one.position);
         let near = simd.less_than_f32s(dot(simd, apart, apart), self.reach_squared);
         let marks = simd.or_u32s(
-            simd.transmute_u32s_f32s(columns.begin),
-            simd.splat_u32s(row.link()),
+            simd.transmute_u32s_f32s(one.begin),
+            simd.transmute_u32s_f32s(other.begin),
         );
         simd.and_m32s(near, simd.equal_u32s(marks, simd.splat_u32s(ALL_MARKS)))
     }
@@ -271,8 +261,8 @@ pub struct LinesTouch<S: Simd>(pub S::f32s);
 
 impl<S: Simd> Test<S> for LinesTouch<S> {
     #[inline(always)]
-    fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
-        let [apart, velocity] = between(simd, row, columns);
+    fn passes(&self, simd: S, one: Columns<S>, other: Columns<S>) -> S::m32s {
+        let [apart, velocity] = between(simd, one, other);
         let [approach, speed, beyond] = encounter(simd, apart, velocity, self.0);
         // (r . v)^2 against |v|^2 (|r|^2 - contact^2).
         let closeness = simd.mul_f32s(approach, simd.max_f32s(approach, simd.splat_f32s(0.0)));
@@ -305,8 +295,7 @@ impl<S: Simd> BallsTouch<S> {
     /// Which pairs of flights may meet, both from the beginning of the window on.
     #[inline(always)]
     pub fn at_first(&self, simd: S, one: Columns<S>, other: Columns<S>) -> S::m32s {
-        let apart = difference(simd, other.position, one.position);
-        let velocity = difference(simd, one.velocity, other.velocity);
+        let [apart, velocity] = between(simd, one, other);
         let [approach, speed, beyond] =
             encounter(simd, apart, velocity, self.minus_contact_squared);
         let when = simd.min_f32s(approach, speed);
@@ -318,7 +307,7 @@ impl<S: Simd> BallsTouch<S> {
     /// Which of them may meet a piece, as far as this tells, that began where its ball met a `partner`.
     #[inline(always)]
     pub fn passes(&self, simd: S, row: &Row, partner: u32, columns: Columns<S>) -> S::m32s {
-        let [apart, velocity] = between(simd, row, columns);
+        let [apart, velocity] = between(simd, Columns::all_like(simd, row), columns);
         let [approach, speed, beyond] =
             encounter(simd, apart, velocity, self.minus_contact_squared);
         let begin = simd.splat_f32s(row.begin());
@@ -344,12 +333,12 @@ impl<S: Simd> BallsTouch<S> {
     }
 }
 
-/// The way from a row to columns, and the velocity with which it moves towards them.
+/// The way from one to the other, and the velocity with which the one moves towards it.
 #[inline(always)]
-fn between<S: Simd>(simd: S, row: &Row, columns: Columns<S>) -> [[S::f32s; 3]; 2] {
+fn between<S: Simd>(simd: S, one: Columns<S>, other: Columns<S>) -> [[S::f32s; 3]; 2] {
     [
-        difference(simd, columns.position, splat(simd, row.position())),
-        difference(simd, splat(simd, row.velocity()), columns.velocity),
+        difference(simd, other.position, one.position),
+        difference(simd, one.velocity, other.velocity),
     ]
 }
 

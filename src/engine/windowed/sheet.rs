@@ -63,6 +63,40 @@ pub struct Columns<S: Simd> {
     pub begin: S::f32s,
 }
 
+impl<S: Simd> Columns<S> {
+    /// The same row in all lanes.
+    #[inline(always)]
+    pub fn all_like(simd: S, row: &Row) -> Self {
+        let Line([x, y, z, u, v, w, _, mark]) = *row;
+        Self {
+            position: [simd.splat_f32s(x), simd.splat_f32s(y), simd.splat_f32s(z)],
+            velocity: [simd.splat_f32s(u), simd.splat_f32s(v), simd.splat_f32s(w)],
+            ball: simd.splat_u32s(row.ball()),
+            begin: simd.splat_f32s(mark),
+        }
+    }
+
+    /// Each row so many lanes further on, the last ones in the first lanes.
+    #[inline(always)]
+    pub fn rotated(self, simd: S, by: usize) -> Self {
+        let ([x, y, z], [u, v, w]) = (self.position, self.velocity);
+        Self {
+            position: [
+                simd.rotate_right_f32s(x, by),
+                simd.rotate_right_f32s(y, by),
+                simd.rotate_right_f32s(z, by),
+            ],
+            velocity: [
+                simd.rotate_right_f32s(u, by),
+                simd.rotate_right_f32s(v, by),
+                simd.rotate_right_f32s(w, by),
+            ],
+            ball: simd.rotate_right_u32s(self.ball, by),
+            begin: simd.rotate_right_f32s(self.begin, by),
+        }
+    }
+}
+
 /// All that a row may be marked with.
 pub const ALL_MARKS: u32 = 0b111;
 

@@ -74,8 +74,9 @@ impl<P: Rows> WithSimd for FindNeighbours<'_, P> {
         } = self;
         sheet.fill(simd, &flights, flights.entries());
         sheet.mark(simd, firsts);
-        let found = pairs_that_pass(simd, sheet, hits, &Near::new(simd, limits), ahead);
-        let count = write_down(&hits[..found], pairs);
+        let test = Near::new(simd, limits);
+        let (found, rotated) = pairs_that_pass(simd, sheet, hits, &test, ahead);
+        let count = write_down(&hits[..found], rotated, pairs);
         if touching.len() < count + LANES {
             touching.resize(2 * count + LANES, false);
         }

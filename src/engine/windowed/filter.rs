@@ -7,6 +7,7 @@
 //!
 //! All is in grid lengths and windows: the window lasts from time 0 to time 1.
 
+mod hits;
 mod neighbours;
 mod read_ahead;
 mod sift;
@@ -16,9 +17,9 @@ use pulp::{Arch, Simd, WithSimd, bytemuck};
 use super::questions::{BallsTouch, Limits, LinesTouch, Margins, Test, WithinReach};
 use super::scratch::Scratch;
 use super::sheet::{Columns, LANES, Rows, Sheet};
-use crate::engine::turn::SIDE;
 #[cfg(target_arch = "x86_64")]
 use crate::engine::turn::as_v3;
+use hits::{BEFORE, Hits, ROWS_AT_ONCE, room_for, write_down};
 pub use read_ahead::ReadAhead;
 use sift::Doubt;
 
@@ -98,51 +99,6 @@ impl Filter {
     }
 }
 
-/// Some rows and a vector of columns, of which some pairs touch.
-#[derive(Clone, Copy, Debug, Default)]
-struct Hits {
-    /// The first of the rows.
-    row: u32,
-    /// The first of the columns.
-    column: u32,
-    /// For each row [`LANES`] bits, one for each column.
-    lanes: u64,
-}
-
-impl Hits {
-    #[inline(always)]
-    fn new(row: usize, column: usize, lanes: u64) -> Self {
-        Self {
-            row: row as u32,
-            column: column as u32,
-            lanes,
-        }
-    }
-}
-
-/// Rows of which the hits are written down together.
-const ROWS_AT_ONCE: usize = u64::BITS as usize / LANES;
-
-/// For rows of which the first is so many behind the first column: the lanes of columns before each row.
-const BEFORE: [u64; LANES + 1] = {
-    let mut before = [0; LANES + 1];
-    let mut behind = 0;
-    while behind <= LANES {
-        let mut place = 0;
-        while place < ROWS_AT_ONCE {
-            let columns = if behind + place < LANES {
-                behind + place
-            } else {
-                LANES
-            };
-            before[behind] |= ((1 << columns) - 1) << (place * LANES);
-            place += 1;
-        }
-        behind += 1;
-    }
-    before
-};
-
 struct Find<'a, P> {
     sheet: &'a mut Sheet,
     pieces: P,
@@ -205,57 +161,6 @@ impl<P: Rows> WithSimd for Find<'_, P> {
             middle,
         }));
     }
-}
-
-/// A piece and itself, which cannot meet.
-const NO_PAIR: (u32, u32) = (0, 0);
-
-/// Writes down the pairs that hits stand for, the later row first, and then some that cannot meet, up to a multiple of [`SIDE`]. Gives
-/// how many pairs they are.
-#[inline(always)]
-fn write_down(hits: &[Hits], rotated: usize, pairs: &mut Vec<(u32, u32)>) -> usize {
-    let counts = hits.iter().map(|hits| hits.lanes.count_ones() as usize);
-    let count: usize = counts.sum();
-    if pairs.len() < count + SIDE {
-        pairs.resize(2 * count + SIDE, NO_PAIR);
-    }
-    let (of_rotated, of_rows) = hits.split_at(rotated);
-    let place = write_some(of_rotated, pairs, 0, |hits, place, lane| {
-        let other = lane.wrapping_sub(hits.row + place) % LANES as u32;
-        let (one, other) = (hits.column + lane, hits.column + other);
-        (one.max(other), one.min(other))
-    });
-    write_some(of_rows, pairs, place, |hits, place, lane| {
-        (hits.row + place, hits.column + lane)
-    });
-    pairs[count..count + SIDE].fill(NO_PAIR);
-    count
-}
-
-/// Writes down pairs from a place on, each as given by which of its hits' rows it is and the lane; gives the place after them.
-#[inline(always)]
-fn write_some(
-    hits: &[Hits],
-    pairs: &mut [(u32, u32)],
-    mut place: usize,
-    pair: impl Fn(&Hits, u32, u32) -> (u32, u32),
-) -> usize {
-    for hits in hits {
-        let mut lanes = hits.lanes;
-        let mut next = |lanes: &mut u64| {
-            let bit = lanes.trailing_zeros();
-            pairs[place] = pair(hits, bit / LANES as u32, bit % LANES as u32);
-            place += usize::from(*lanes != 0);
-            *lanes &= lanes.wrapping_sub(1);
-        };
-        // How many they are cannot be foreseen: two are written down without a branch.
-        next(&mut lanes);
-        next(&mut lanes);
-        while lanes != 0 {
-            next(&mut lanes);
-        }
-    }
-    place
 }
 
 /// Fewest rows of a block that are worth being compared with the block's columns all at once.
@@ -374,14 +279,6 @@ fn few_pairs_that_pass<S: Simd>(
         }
     }
     found
-}
-
-/// Room for so many hits, and one that is not taken.
-fn room_for(hits: &mut Vec<Hits>, count: usize) -> &mut [Hits] {
-    if hits.len() <= count {
-        hits.resize(count + count / 2 + 1, Hits::default());
-    }
-    hits
 }
 
 /// A comparison's outcome as a number with a bit for each lane.

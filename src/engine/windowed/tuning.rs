@@ -11,7 +11,7 @@ use crate::engine::event_driven;
 use crate::state::{Placement, State, Trajectory};
 
 /// Cell width in mean spacings of the balls; measured to be best, and flat around.
-const SPACINGS_PER_CELL: f64 = 2.7;
+const SPACINGS_PER_CELL: f64 = 2.9;
 
 /// Window length in mean times that a ball takes from one cell into the next; measured to be best, and flat around.
 const CROSSINGS_PER_WINDOW: f64 = 1.2;

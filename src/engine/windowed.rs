@@ -64,7 +64,7 @@ use touch::Offsets;
 use tuning::Work;
 
 /// Windows between two sortings of the balls.
-const WINDOWS_PER_SORT: u32 = 5;
+const WINDOWS_PER_SORT: u32 = 6;
 
 /// Collisions per ball with which a window is full, because its length was foreseen for a gas with room.
 const MOST_PER_WINDOW: usize = 4;

@@ -31,6 +31,7 @@ mod listing;
 mod looking;
 mod meeting;
 mod neighbours;
+mod passages;
 mod paths;
 mod pieces;
 mod questions;

@@ -4,46 +4,19 @@
 //! branches, if it reaches into at most three cells along each axis; the few others, and those that may meet a wall, a plane or
 //! a face, are put aside.
 
-use std::ops::Range;
-
 use pulp::{Arch, Simd, WithSimd};
 
 use super::grid::{Inserted, Lists, Tails};
+use super::passages::Passages;
 use super::paths::Gas;
 use super::pieces::{Id, Line, NONE, Numbering, Past};
 use super::region::Passage;
-use super::touch::{
-    BLOCK, Block, Bounds, CUBE, NEAR_BOUNDARY, Offsets, PARTS, WIDE, avoid, planes, touch,
-};
+use super::touch::{BLOCK, Block, Bounds, NEAR_BOUNDARY, PARTS, WIDE, avoid, planes, touch};
 use crate::engine::image::number_of;
 use crate::engine::turn::SIDE;
 
-/// Cells of a flight's path that are written down without a branch.
-const WITHOUT_BRANCHES: usize = 4;
-
 /// How many blocks before its turn the memory for the cells of a block's flights is asked for.
 const BLOCKS_AHEAD: usize = 16;
-
-/// Passages of a block: as many as all its flights can have.
-pub const MOST_PASSAGES: usize = (BLOCK * CUBE + WITHOUT_BRANCHES).next_power_of_two();
-
-/// A passage: the place's number, and above [`FLIGHT_SHIFT`] the flight's.
-pub type Passing = u64;
-
-/// See [`Passing`].
-const FLIGHT_SHIFT: u32 = u32::BITS;
-
-/// Where it is.
-#[inline(always)]
-pub fn place_of(passing: Passing) -> usize {
-    passing as u32 as usize
-}
-
-/// Whose it is.
-#[inline(always)]
-pub fn flight_of(passing: Passing) -> Id {
-    (passing >> FLIGHT_SHIFT) as Id
-}
 
 /// Which flights of a block left the last window along another piece.
 struct Turned {
@@ -138,7 +111,7 @@ impl WithSimd for Listing<'_, '_> {
             Turned::read_ahead(lines, past, self.gas.numbering)
         };
         let mut next_turned = read_ahead(all);
-        let mut passages: [Passing; MOST_PASSAGES] = [0; MOST_PASSAGES];
+        let mut passages = Passages::default();
         for number in 0..blocks {
             let (_, lines) = all.split_at_mut(number * BLOCK);
             let (lines, next) = lines.split_at_mut(BLOCK.min(lines.len()));
@@ -185,74 +158,41 @@ impl WithSimd for Listing<'_, '_> {
                 aside
             };
             let ids = first..first + count_of_lines as Id;
-            let count = pass(&block, self.gas.offsets, ids, &mut passages, aside);
-            let mut passages = &passages[..count];
-            while let Some(rest) = list(passages, targets, &mut tails, self.outbox) {
-                passages = rest;
-                self.lists.widen();
-                tails = self.lists.tails();
+            passages.find(simd, &block, self.gas.offsets, ids, aside);
+            let (mut places, mut ids) = (passages.places(), passages.flights());
+            loop {
+                let (count, next) = list(places, ids, targets, &mut tails);
+                (places, ids) = (&places[count..], &ids[count..]);
+                match next {
+                    Inserted::Yes => break,
+                    Inserted::Elsewhere => {
+                        let target = targets[places[0] as usize];
+                        let cell = number_of(target);
+                        self.outbox.push((ids[0] | (target - cell), cell));
+                        (places, ids) = (&places[1..], &ids[1..]);
+                    }
+                    Inserted::NoRoom => {
+                        self.lists.widen();
+                        tails = self.lists.tails();
+                    }
+                }
             }
             first += count_of_lines as u32;
         }
     }
 }
 
-/// Writes down the passages of a block's flights, but for those which `aside` takes by the bits of what they touch; gives how many
-/// passages.
-#[inline(always)]
-pub fn pass(
-    block: &Block,
-    offsets: &Offsets,
-    flights: Range<Id>,
-    passages: &mut [Passing],
-    mut aside: impl FnMut(u32, Id) -> bool,
-) -> usize {
-    let passages = &mut passages[..MOST_PASSAGES];
-    let mut count = 0;
-    for (id, lane) in flights.zip(0..BLOCK) {
-        let touched = block.touched[lane];
-        if aside(touched, id) {
-            continue;
-        }
-        let offsets = offsets.of_way(touched);
-        let start = Passing::from(id) << FLIGHT_SHIFT | Passing::from(block.place[lane]);
-        let mut cells = touched & (WIDE - 1);
-        let mut next = |cells: &mut u32| {
-            let bit = cells.trailing_zeros() as usize % offsets.len();
-            passages[count % MOST_PASSAGES] = start.wrapping_add(offsets[bit]);
-            count += usize::from(*cells != 0);
-            *cells &= cells.wrapping_sub(1);
-        };
-        // How many cells it is cannot be foreseen: most flights are done in so many steps without a branch.
-        for _ in 0..WITHOUT_BRANCHES {
-            next(&mut cells);
-        }
-        while cells != 0 {
-            next(&mut cells);
-        }
-    }
-    count
-}
-
-/// Lists passages until one finds no room; gives those that are left then.
-// A function of its own, that what it needs stays in registers.
+/// Lists passages until one belongs elsewhere or finds no room; gives how many it has listed, and what became of the next.
+// A function of its own, without calls, that what it needs stays in registers.
 #[inline(never)]
-fn list<'p>(
-    passages: &'p [Passing],
-    targets: &[u32],
-    tails: &mut Tails,
-    outbox: &mut Vec<Passage>,
-) -> Option<&'p [Passing]> {
-    for (number, &passing) in passages.iter().enumerate() {
-        let target = targets[place_of(passing)];
-        let id = flight_of(passing);
+fn list(places: &[u32], flights: &[Id], targets: &[u32], tails: &mut Tails) -> (usize, Inserted) {
+    for (number, (&place, &id)) in places.iter().zip(flights).enumerate() {
+        let target = targets[place as usize];
         let cell = number_of(target);
-        let entry = id | (target - cell);
-        match tails.insert(cell as usize, entry) {
-            Inserted::Yes => (),
-            Inserted::Elsewhere => outbox.push((entry, cell)),
-            Inserted::NoRoom => return Some(&passages[number..]),
+        let inserted = tails.insert(cell as usize, id | (target - cell));
+        if inserted != Inserted::Yes {
+            return (number, inserted);
         }
     }
-    None
+    (places.len(), Inserted::Yes)
 }

@@ -95,7 +95,7 @@ pub struct Block {
     /// Which balls they are, and their links, as bits.
     others: [[f32; BLOCK]; 2],
     pub radius: [f32; BLOCK],
-    /// Which cells are touched, from the first one along each axis on the way: in the highest of [`CUBE`] bits the first, in the
+    /// Which cells are touched, from the first one along each axis on the way: in the lowest of [`CUBE`] bits the first, in the
     /// next one the next along `z`. Or why that is not known. And which way the path goes.
     pub touched: [u32; BLOCK],
     /// The first place along each axis on the way.
@@ -156,19 +156,15 @@ impl Block {
 
 /// For each way that a path can go, for each bit of a cell it touches: how much farther that cell's place is than the first one's.
 #[derive(Clone, Debug)]
-pub struct Offsets([[u64; u32::BITS as usize]; 8]);
+pub struct Offsets([[u32; u32::BITS as usize]; 8]);
 
 impl Offsets {
     /// On a grid with these strides.
     pub fn new(strides: [u32; 3]) -> Self {
         let offset = |way: usize, bit: usize| {
-            // The first cell's bit is the highest.
-            let Some(number) = (CUBE - 1).checked_sub(bit) else {
-                return 0;
-            };
-            let steps = [number / (SPAN * SPAN), number / SPAN % SPAN, number % SPAN];
-            (0..3).fold(0_u64, |sum, axis| {
-                let step = steps[axis] as u64 * u64::from(strides[axis]);
+            let steps = [bit / (SPAN * SPAN), bit / SPAN % SPAN, bit % SPAN];
+            (0..3).fold(0_u32, |sum, axis| {
+                let step = steps[axis] as u32 * strides[axis];
                 let back = way >> axis & 1 == 1;
                 sum.wrapping_add(if back { step.wrapping_neg() } else { step })
             })
@@ -180,7 +176,7 @@ impl Offsets {
 
     /// Those of paths that go the way that a path's bits say.
     #[inline(always)]
-    pub fn of_way(&self, touched: u32) -> &[u64; u32::BITS as usize] {
+    pub fn of_way(&self, touched: u32) -> &[u32; u32::BITS as usize] {
         &self.0[(touched >> BACK_SHIFT) as usize]
     }
 }
@@ -267,10 +263,11 @@ fn touch_vector<S: Simd>(simd: S, block: &mut Block, bounds: &Bounds, vector: us
         (simd.max_f32s(one.0, other.0), simd.min_f32s(one.1, other.1))
     };
     let mut touched = simd.splat_u32s(0);
-    for in_x in inside[0] {
-        for in_y in inside[1] {
+    // The first cell's bit comes last.
+    for in_x in inside[0].into_iter().rev() {
+        for in_y in inside[1].into_iter().rev() {
             let in_xy = both(in_x, in_y);
-            for in_z in inside[2] {
+            for in_z in inside[2].into_iter().rev() {
                 let (entered, left) = both(in_xy, in_z);
                 let passes = simd.less_than_or_equal_f32s(entered, left);
                 touched = simd.add_u32s(touched, touched);
@@ -383,15 +380,15 @@ mod tests {
                 let offsets = Offsets::new(bounds().strides);
                 let offsets = offsets.of_way(one.touched[lane]);
                 let cells = (0..CUBE).filter(|bit| one.touched[lane] >> bit & 1 == 1);
-                let places: Vec<u64> = cells
-                    .map(|bit| u64::from(one.place[lane]).wrapping_add(offsets[bit]))
+                let places: Vec<u32> = cells
+                    .map(|bit| one.place[lane].wrapping_add(offsets[bit]))
                     .collect();
                 for step in 0..=100 {
-                    let place: u64 = (0..3)
+                    let place: u32 = (0..3)
                         .map(|axis| {
                             let way = velocities[axis][lane] * step as f32 / 100.0;
                             let cell = ((positions[axis][lane] + way) / EDGES[axis]).floor();
-                            (cell as u64 + 1) * u64::from(bounds().strides[axis])
+                            (cell as u32 + 1) * bounds().strides[axis]
                         })
                         .sum();
                     assert!(places.contains(&place), "{positions:?} {velocities:?}");

@@ -4,7 +4,7 @@ use glam::DVec3;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::grid::NOWHERE;
-use super::listing::{MOST_PASSAGES, Passing, flight_of, pass, place_of};
+use super::passages::Passages;
 use super::paths::Gas;
 use super::pieces::{Id, Line};
 use super::scratch::Scratch;
@@ -21,7 +21,7 @@ pub struct Ways {
     lines: Scratch<Line>,
     /// The balls' radii in grid lengths.
     radii: Scratch<f32>,
-    passages: Vec<Passing>,
+    passages: Passages,
     /// What longer ways pass, and the pieces.
     of_longer: Vec<(u32, Id)>,
 }
@@ -51,18 +51,18 @@ impl Ways {
         let bounds = Bounds::new(gas);
         let ways = self.lines.chunks(BLOCK).zip(self.radii.chunks(BLOCK));
         for (lines, radii) in ways {
-            self.passages.resize(MOST_PASSAGES, 0);
-            let count = machine.dispatch(Pass {
+            machine.dispatch(Pass {
                 gas,
                 bounds: &bounds,
                 lines,
                 radii,
                 passages: &mut self.passages,
             });
-            for &passing in &self.passages[..count] {
-                let target = gas.grid.targets[place_of(passing)];
+            let flights = self.passages.flights();
+            for (&place, &flight) in self.passages.places().iter().zip(flights) {
+                let target = gas.grid.targets[place as usize];
                 if target != NOWHERE {
-                    visit(target, lines[flight_of(passing) as usize].ball());
+                    visit(target, lines[flight as usize].ball());
                 }
             }
         }
@@ -80,14 +80,14 @@ struct Pass<'a> {
     bounds: &'a Bounds,
     lines: &'a [Line],
     radii: &'a [f32],
-    passages: &'a mut [Passing],
+    passages: &'a mut Passages,
 }
 
 impl WithSimd for Pass<'_> {
-    type Output = usize;
+    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> usize {
+    fn with_simd<S: Simd>(self, simd: S) {
         let mut block = Block::new(self.bounds.radius);
         let (parts, rest) = self.lines.as_chunks::<SIDE>();
         let mut padded = [Line([0.0; SIDE]); SIDE];
@@ -99,7 +99,8 @@ impl WithSimd for Pass<'_> {
         let count = self.lines.len();
         touch(simd, &mut block, self.bounds, 0.0, count);
         let ids = 0..count as Id;
-        pass(&block, self.gas.offsets, ids, self.passages, |_, _| false)
+        self.passages
+            .find(simd, &block, self.gas.offsets, ids, |_, _| false);
     }
 }
 

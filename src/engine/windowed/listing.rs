@@ -28,14 +28,13 @@ impl Turned {
     /// Finds them among a block's lines and asks for the memory of their pieces.
     #[inline(always)]
     fn read_ahead(lines: &[Line], past: Option<&Past>, numbering: Numbering) -> Self {
-        let mut turned = Self {
-            lanes: [0; BLOCK],
-            count: 0,
-        };
+        // The number apart from the lanes, that it stays in a register.
+        let (mut lanes, mut count) = ([0; BLOCK], 0);
         for (lane, line) in lines.iter().enumerate().take(BLOCK) {
-            turned.lanes[turned.count] = lane as u8;
-            turned.count += usize::from(line.link() != NONE);
+            lanes[count] = lane as u8;
+            count += usize::from(line.link() != NONE);
         }
+        let turned = Self { lanes, count };
         if let Some(past) = past {
             for &lane in turned.lanes() {
                 past.read_ahead(numbering, lines[lane as usize].link());

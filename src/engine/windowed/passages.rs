@@ -61,43 +61,48 @@ impl Passages {
         flights: Range<Id>,
         mut aside: impl FnMut(u32, Id) -> bool,
     ) {
-        self.count = 0;
+        // Apart from the rest, that it stays in a register.
+        let mut count = 0;
         for (id, lane) in flights.zip(0..BLOCK) {
             let touched = block.touched[lane];
             if aside(touched, id) {
                 continue;
             }
             let offsets = offsets.of_way(touched);
-            self.add(simd, id, block.place[lane], touched & (WIDE - 1), offsets);
+            let touched = touched & (WIDE - 1);
+            count = self.write_down(simd, count, id, block.place[lane], touched, offsets);
         }
+        self.count = count;
     }
 
-    /// Adds those of a flight: of each bit that is set its offset from the first place.
+    /// Writes down those of a flight behind so many others: of each bit that is set its offset from the first place. Gives how many
+    /// there are then.
     #[inline(always)]
-    fn add<S: Simd>(
+    fn write_down<S: Simd>(
         &mut self,
         simd: S,
+        mut count: usize,
         id: Id,
         first: u32,
         mut touched: u32,
         offsets: &[u32; u32::BITS as usize],
-    ) {
+    ) -> usize {
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = as_v4(simd) {
             let (halves, _) = offsets.as_chunks::<AT_ONCE>();
-            self.add_some(simd, id, first, touched as u16, &halves[0]);
+            count = self.write_down_some(simd, count, id, first, touched as u16, &halves[0]);
             // Seldom.
             let far = (touched >> AT_ONCE) as u16;
             if far != 0 {
-                self.add_some(simd, id, first, far, &halves[1]);
+                count = self.write_down_some(simd, count, id, first, far, &halves[1]);
             }
-            return;
+            return count;
         }
         let mut next = |touched: &mut u32| {
             let bit = touched.trailing_zeros() as usize % offsets.len();
-            self.places[self.count % MOST] = first.wrapping_add(offsets[bit]);
-            self.flights[self.count % MOST] = id;
-            self.count += usize::from(*touched != 0);
+            self.places[count % MOST] = first.wrapping_add(offsets[bit]);
+            self.flights[count % MOST] = id;
+            count += usize::from(*touched != 0);
             *touched &= touched.wrapping_sub(1);
         };
         // How many cells it is cannot be foreseen: most flights are done in so many steps without a branch.
@@ -107,33 +112,35 @@ impl Passages {
         while touched != 0 {
             next(&mut touched);
         }
+        count
     }
 
-    /// Adds some of them without a branch.
+    /// Does so for some of them without a branch.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn add_some(
+    fn write_down_some(
         &mut self,
         simd: pulp::x86::V4,
+        count: usize,
         id: Id,
         first: u32,
         touched: u16,
         offsets: &[u32; AT_ONCE],
-    ) {
+    ) -> usize {
         let avx512f = simd.avx512f;
         let places = avx512f._mm512_add_epi32(
             avx512f._mm512_set1_epi32(first.cast_signed()),
             bytemuck::cast(*offsets),
         );
         let places = avx512f._mm512_maskz_compress_epi32(touched, places);
-        let room = self.count..self.count + AT_ONCE;
+        let room = count..count + AT_ONCE;
         if let Some(next) = self.places.get_mut(room.clone()) {
             next.copy_from_slice(bytemuck::cast_ref::<_, [u32; AT_ONCE]>(&places));
         }
         if let Some(next) = self.flights.get_mut(room) {
             next.fill(id);
         }
-        self.count += touched.count_ones() as usize;
+        count + touched.count_ones() as usize
     }
 }
 

@@ -14,7 +14,7 @@ use prefetch_index::prefetch_index;
 
 use crate::cell_list::widened;
 use crate::domain::{Boundary, Domain};
-use crate::engine::image::{IMAGE_SHIFT, IMAGES, Seen, image_at, steps_of};
+use crate::engine::image::{IMAGE_SHIFT, IMAGES, Seen, image_at, number_of, steps_of};
 
 /// Margin around a ball, in cell widths: far above rounding, far below anything that costs.
 pub const SLACK: f64 = 1.0 / (1 << 20) as f64;
@@ -62,6 +62,8 @@ pub struct Grid {
     pub targets: Vec<u32>,
     /// What one step along each axis adds to a place's number in raster order.
     pub strides: [u32; 3],
+    /// The places of the cells.
+    places: Vec<u32>,
     /// Centres of the cells, in grid lengths from the box's lower corner.
     centers: Vec<[f32; 3]>,
 }
@@ -124,10 +126,12 @@ impl Grid {
             edges: edge_lengths.as_vec3().to_array(),
             targets: vec![NOWHERE; counts.iter().map(|&count| count as usize + 2).product()],
             strides,
+            places: Vec::new(),
             centers: places.iter().map(center).collect(),
         };
         for (cell, &place) in places.iter().enumerate() {
             let at = grid.raster(place);
+            grid.places.push(at as u32);
             grid.targets[at] = cell as u32;
         }
         if periodic {
@@ -327,7 +331,7 @@ impl Lists {
         // Room for the fullest cells that chance brings about, so that the lists need not grow later.
         let most = (expected + 8 * expected.isqrt()).max(self.fullest + 6 * self.fullest.isqrt());
         self.first = cells.start;
-        self.capacity = self.capacity.max(most.next_multiple_of(16)).max(32);
+        self.capacity = self.capacity.max(odd_lines(most));
         let room = cells.len() * self.capacity;
         if room > self.entries.capacity() {
             // Nothing of it is needed any more; a little more than that, as regions vary.
@@ -447,10 +451,16 @@ impl Lists {
     /// Enlarges the room of every cell.
     #[cold]
     pub fn widen(&mut self) {
-        let capacity = (self.capacity + self.capacity / 4).next_multiple_of(16);
+        let capacity = odd_lines(self.capacity + self.capacity / 4);
         self.entries = widened(&self.entries, self.capacity, capacity);
         self.capacity = capacity;
     }
+}
+
+/// Room for so many entries, in an odd number of lines of memory: so lists that are equally long do not share the same few places
+/// of the processor's cache.
+fn odd_lines(count: usize) -> usize {
+    (count.div_ceil(ENTRIES_AHEAD) | 1) * ENTRIES_AHEAD
 }
 
 /// The ends of the lists.
@@ -497,13 +507,28 @@ impl Tails<'_> {
         Inserted::Yes
     }
 
-    /// Asks for the memory where the list of a cell begins.
+    /// Asks for the memory where the lists of a cell and of those around it go on.
     #[inline(always)]
-    pub fn read_ahead(&self, cell: usize) {
-        prefetch_index(
-            &*self.entries,
-            cell.wrapping_sub(self.first) * self.capacity,
-        );
+    pub fn read_ahead(&self, grid: &Grid, cell: usize) {
+        let Some(&place) = grid.places.get(cell) else {
+            return;
+        };
+        let [x, y, z] = grid.strides;
+        for way in [
+            0,
+            x,
+            y,
+            z,
+            x.wrapping_neg(),
+            y.wrapping_neg(),
+            z.wrapping_neg(),
+        ] {
+            let target = grid.targets[place.wrapping_add(way) as usize];
+            let cell = (number_of(target) as usize).wrapping_sub(self.first);
+            if let Some(&length) = self.lengths.get(cell) {
+                prefetch_index(&*self.entries, cell * self.capacity + length as usize);
+            }
+        }
     }
 }
 

@@ -116,7 +116,7 @@ impl WithSimd for Listing<'_, '_> {
             let (lines, next) = lines.split_at_mut(BLOCK.min(lines.len()));
             let turned = std::mem::replace(&mut next_turned, read_ahead(next));
             for cell in cell_of(number + BLOCKS_AHEAD)..cell_of(number + BLOCKS_AHEAD + 1) {
-                tails.read_ahead(cell);
+                tails.read_ahead(self.gas.grid, cell);
             }
             for &lane in turned.lanes() {
                 let line = &mut lines[lane as usize];

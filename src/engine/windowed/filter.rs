@@ -14,12 +14,13 @@ mod sift;
 
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
-use super::questions::{BallsTouch, Limits, LinesTouch, Margins, Test, WithinReach};
+use super::pieces::NONE;
+use super::questions::{BallsTouch, Limits, LinesTouch, Margins, Test, WithinReach, others};
 use super::scratch::Scratch;
 use super::sheet::{Columns, LANES, Rows, Sheet};
 #[cfg(target_arch = "x86_64")]
 use crate::engine::turn::as_v3;
-use hits::{BEFORE, Hits, ROWS_AT_ONCE, room_for, write_down};
+use hits::{Hits, ROWS_AT_ONCE, before, room_for, write_down};
 pub use read_ahead::ReadAhead;
 use sift::Doubt;
 
@@ -230,7 +231,7 @@ fn pairs_that_pass<S: Simd>(
                     let row = Columns::all_like(simd, row);
                     lanes |= lanes_of(simd, test.passes(simd, row, columns)) << (place * LANES);
                 }
-                lanes &= BEFORE[(row - column).min(LANES)];
+                lanes &= before(row, column);
                 *next = Hits::new(row, column, lanes);
                 found += usize::from(lanes != 0);
                 row += ROWS_AT_ONCE;
@@ -239,7 +240,7 @@ fn pairs_that_pass<S: Simd>(
                 let next = &mut hits[found];
                 let one = Columns::all_like(simd, one);
                 let lanes = lanes_of(simd, test.passes(simd, one, columns));
-                let lanes = lanes & BEFORE[(row - column).min(LANES)];
+                let lanes = lanes & before(row, column);
                 *next = Hits::new(row, column, lanes);
                 found += usize::from(lanes != 0);
                 row += 1;
@@ -262,23 +263,50 @@ fn few_pairs_that_pass<S: Simd>(
     let lanes = S::F32_LANES;
     let (rows, entries) = (&sheet.rows()[first..], &pieces.entries()[first..]);
     let hits = room_for(hits, rows.len() * sheet.rows().len().div_ceil(lanes));
-    let test = BallsTouch::<S>::new(simd, limits);
+    let lines = LinesTouch::<S>(simd.splat_f32s(-limits.contact_squared));
+    let balls = BallsTouch::<S>::new(simd, limits);
+    // First what is asked quickly; of what passes, which is little, the rest.
     let mut found = 0;
-    for ((one, &entry), row) in rows.iter().zip(entries).zip(first..) {
-        let partner = pieces.partner(entry);
+    let groups = rows.chunks(ROWS_AT_ONCE).zip(entries.chunks(ROWS_AT_ONCE));
+    for ((rows, entries), row) in groups.zip((first..).step_by(ROWS_AT_ONCE)) {
+        let mut partners = [NONE; ROWS_AT_ONCE];
+        for (partner, &entry) in partners.iter_mut().zip(entries) {
+            *partner = pieces.partner(entry);
+        }
         for (number, block) in sheet.blocks().iter().enumerate() {
             for vector in 0..LANES / lanes {
                 let column = number * LANES + vector * lanes;
                 let next = &mut hits[found];
                 let columns = block.columns(simd, vector);
-                let lanes = lanes_of(simd, test.passes(simd, one, partner, columns));
-                let lanes = lanes & BEFORE[row.saturating_sub(column).min(LANES)];
+                let mut lanes = 0;
+                for (place, (row, &partner)) in rows.iter().zip(&partners).enumerate() {
+                    let touch = lines.passes(simd, Columns::all_like(simd, row), columns);
+                    let others = others(simd, row, partner, columns);
+                    lanes |= lanes_of(simd, simd.and_m32s(touch, others)) << (place * LANES);
+                }
+                lanes &= before(row, column);
                 *next = Hits::new(row, column, lanes);
                 found += usize::from(lanes != 0);
             }
         }
     }
-    found
+    let mut kept = 0;
+    for place in 0..found {
+        let mut one = hits[place];
+        let block = &sheet.blocks()[one.column() / LANES];
+        let columns = block.columns(simd, one.column() % LANES / lanes);
+        let mut lanes = 0;
+        let rows = &sheet.rows()[one.row()..];
+        for (place, row) in rows.iter().enumerate().take(ROWS_AT_ONCE) {
+            if one.lanes_of_row(place) != 0 {
+                lanes |= lanes_of(simd, balls.passes(simd, row, columns)) << (place * LANES);
+            }
+        }
+        one.keep(lanes);
+        hits[kept] = one;
+        kept += usize::from(one.any());
+    }
+    kept
 }
 
 /// A comparison's outcome as a number with a bit for each lane.

@@ -271,7 +271,7 @@ impl<S: Simd> Test<S> for LinesTouch<S> {
 }
 
 /// The question for pieces that begin at collisions: do they touch in the window, after the later one has begun with them clear of
-/// each other and not receding, and are they of two balls that are not known to have parted before?
+/// each other and not receding?
 pub struct BallsTouch<S: Simd> {
     minus_contact_squared: S::f32s,
     /// How much less than that the square of a distance is at which any two pieces surely touch.
@@ -304,9 +304,9 @@ impl<S: Simd> BallsTouch<S> {
         simd.and_m32s(touch, simd.greater_than_f32s(approach, self.least_approach))
     }
 
-    /// Which of them may meet a piece, as far as this tells, that began where its ball met a `partner`.
+    /// Which of the [`others`] may meet a piece, as far as this tells.
     #[inline(always)]
-    pub fn passes(&self, simd: S, row: &Row, partner: u32, columns: Columns<S>) -> S::m32s {
+    pub fn passes(&self, simd: S, row: &Row, columns: Columns<S>) -> S::m32s {
         let [apart, velocity] = between(simd, Columns::all_like(simd, row), columns);
         let [approach, speed, beyond] =
             encounter(simd, apart, velocity, self.minus_contact_squared);
@@ -324,13 +324,20 @@ impl<S: Simd> BallsTouch<S> {
         let when = simd.min_f32s(left, simd.sub_f32s(speed, way));
         let twice = simd.add_f32s(left, simd.sub_f32s(left, when));
         let touch = simd.less_than_f32s(simd.mul_f32s(speed, beyond), simd.mul_f32s(when, twice));
-        let may_meet = simd.and_m32s(simd.and_m32s(touch, clear), approaching);
-        // What the partner was on before this piece began has ended then.
-        let of_partner = simd.equal_u32s(columns.ball, simd.splat_u32s(partner));
-        let ended = simd.and_m32s(of_partner, simd.not_m32s(not_before));
-        let one_ball = simd.equal_u32s(columns.ball, simd.splat_u32s(row.ball()));
-        simd.and_m32s(may_meet, simd.not_m32s(simd.or_m32s(one_ball, ended)))
+        simd.and_m32s(simd.and_m32s(touch, clear), approaching)
     }
+}
+
+/// Which pieces may meet one that began where its ball met a `partner` at all: not those of its own ball, nor what the partner was on
+/// before.
+#[inline(always)]
+pub fn others<S: Simd>(simd: S, row: &Row, partner: u32, columns: Columns<S>) -> S::m32s {
+    let begin = simd.splat_f32s(row.begin());
+    let not_before = simd.greater_than_or_equal_f32s(columns.begin, begin);
+    let of_partner = simd.equal_u32s(columns.ball, simd.splat_u32s(partner));
+    let ended = simd.and_m32s(of_partner, simd.not_m32s(not_before));
+    let one_ball = simd.equal_u32s(columns.ball, simd.splat_u32s(row.ball()));
+    simd.not_m32s(simd.or_m32s(one_ball, ended))
 }
 
 /// The way from one to the other, and the velocity with which the one moves towards it.

@@ -23,23 +23,58 @@ impl Hits {
             lanes,
         }
     }
+
+    /// Where its first row is on the sheet.
+    #[inline(always)]
+    pub fn row(&self) -> usize {
+        self.row as usize
+    }
+
+    /// Where its first column is.
+    #[inline(always)]
+    pub fn column(&self) -> usize {
+        self.column as usize
+    }
+
+    /// Keeps only these lanes.
+    #[inline(always)]
+    pub fn keep(&mut self, lanes: u64) {
+        self.lanes &= lanes;
+    }
+
+    /// The lanes of one of its rows.
+    #[inline(always)]
+    pub fn lanes_of_row(&self, place: usize) -> u64 {
+        self.lanes >> (place * LANES) & ((1 << LANES) - 1)
+    }
+
+    /// Whether any pair passes.
+    #[inline(always)]
+    pub fn any(&self) -> bool {
+        self.lanes != 0
+    }
 }
 
 /// Rows of which the hits are written down together.
 pub const ROWS_AT_ONCE: usize = u64::BITS as usize / LANES;
 
-/// For rows of which the first is so many behind the first column: the lanes of columns before each row.
-pub const BEFORE: [u64; LANES + 1] = {
-    let mut before = [0; LANES + 1];
+/// The lanes of columns before each row, for rows and columns of which the first ones stand at these places of a sheet.
+#[inline(always)]
+pub fn before(row: usize, column: usize) -> u64 {
+    BEFORE[(row + ROWS_AT_ONCE)
+        .saturating_sub(column)
+        .min(LANES + ROWS_AT_ONCE)]
+}
+
+/// The same by how far the first row is behind the first column, [`ROWS_AT_ONCE`] added.
+const BEFORE: [u64; LANES + ROWS_AT_ONCE + 1] = {
+    let mut before = [0; LANES + ROWS_AT_ONCE + 1];
     let mut behind = 0;
-    while behind <= LANES {
+    while behind < before.len() {
         let mut place = 0;
         while place < ROWS_AT_ONCE {
-            let columns = if behind + place < LANES {
-                behind + place
-            } else {
-                LANES
-            };
+            let columns = (behind + place).saturating_sub(ROWS_AT_ONCE);
+            let columns = if columns < LANES { columns } else { LANES };
             before[behind] |= ((1 << columns) - 1) << (place * LANES);
             place += 1;
         }

@@ -5,7 +5,7 @@ use pulp::{Simd, WithSimd};
 
 use super::{Filter, Hits, ReadAhead, lanes_of, pairs_that_pass, write_down};
 use crate::engine::turn::SIDE;
-use crate::engine::windowed::questions::{BallsTouch, Limits, Near};
+use crate::engine::windowed::questions::{BallsTouch, Limits, Near, others};
 use crate::engine::windowed::sheet::{Block, LANES, Row, Rows, Sheet};
 
 impl Filter {
@@ -122,7 +122,9 @@ impl WithSimd for Touching<'_> {
         let mut touching = 0;
         for vector in 0..LANES / S::F32_LANES {
             let columns = block.columns(simd, vector);
-            let lanes = lanes_of(simd, test.passes(simd, self.row, self.partner, columns));
+            let others = others(simd, self.row, self.partner, columns);
+            let may_meet = test.passes(simd, self.row, columns);
+            let lanes = lanes_of(simd, simd.and_m32s(others, may_meet));
             touching |= lanes << (vector * S::F32_LANES);
         }
         touching

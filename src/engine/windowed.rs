@@ -28,6 +28,7 @@ mod filter;
 mod follow_ups;
 mod grid;
 mod listing;
+mod lists;
 mod looking;
 mod meeting;
 mod neighbours;

@@ -6,7 +6,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::grid::{Inserted, Lists, Tails};
+use super::lists::{Inserted, Lists, Tails};
 use super::passages::Passages;
 use super::paths::Gas;
 use super::pieces::{Id, Line, NONE, Numbering, Past};

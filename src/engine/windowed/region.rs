@@ -12,8 +12,9 @@ use prefetch_index::prefetch_index;
 use pulp::Arch;
 
 use super::filter::{Filter, ReadAhead};
-use super::grid::{Census, Entry, Lists};
+use super::grid::Entry;
 use super::listing::{Flights, Listing};
+use super::lists::{Census, Lists};
 use super::meeting::Meeting;
 use super::neighbours::Neighbours;
 use super::paths::Gas;

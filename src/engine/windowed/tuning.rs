@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::grid::Census;
+use super::lists::Census;
 use super::pieces::MOST_BALLS;
 use crate::domain::{Boundary, Domain};
 use crate::engine::event_driven;

@@ -9,8 +9,9 @@
 
 use glam::DVec3;
 
+use super::pieces::Id;
 use crate::domain::{Boundary, Domain};
-use crate::engine::image::{IMAGE_SHIFT, IMAGES, Seen, image_at, steps_of};
+use crate::engine::image::{IMAGE_SHIFT, IMAGES, Seen, image_at, number_of, steps_of};
 
 /// Margin around a ball, in cell widths: far above rounding, far below anything that costs.
 pub const SLACK: f64 = 1.0 / (1 << 20) as f64;
@@ -29,6 +30,13 @@ pub type Place = [i32; 3];
 
 /// A piece of path as a cell lists it: the piece's number, and which image of it.
 pub type Entry = Seen;
+
+/// The cell that a target of the grid stands for, and how it lists a piece there.
+#[inline(always)]
+pub fn listed_at(target: u32, piece: Id) -> (u32, Entry) {
+    let cell = number_of(target);
+    (cell, piece | (target - cell))
+}
 
 /// Cells over a box.
 #[derive(Clone, Debug)]

@@ -6,13 +6,13 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::grid::listed_at;
 use super::lists::{Inserted, Lists, Tails};
 use super::passages::Passages;
 use super::paths::Gas;
 use super::pieces::{Id, Line, NONE, Numbering, Past};
 use super::region::Passage;
 use super::touch::{BLOCK, Block, Bounds, NEAR_BOUNDARY, PARTS, WIDE, avoid, planes, touch};
-use crate::engine::image::number_of;
 use crate::engine::turn::SIDE;
 
 /// How many blocks before its turn the memory for the cells of a block's flights is asked for.
@@ -165,9 +165,8 @@ impl WithSimd for Listing<'_, '_> {
                 match next {
                     Inserted::Yes => break,
                     Inserted::Elsewhere => {
-                        let target = targets[places[0] as usize];
-                        let cell = number_of(target);
-                        self.outbox.push((ids[0] | (target - cell), cell));
+                        let (cell, entry) = listed_at(targets[places[0] as usize], ids[0]);
+                        self.outbox.push((entry, cell));
                         (places, ids) = (&places[1..], &ids[1..]);
                     }
                     Inserted::NoRoom => {
@@ -186,9 +185,8 @@ impl WithSimd for Listing<'_, '_> {
 #[inline(never)]
 fn list(places: &[u32], flights: &[Id], targets: &[u32], tails: &mut Tails) -> (usize, Inserted) {
     for (number, (&place, &id)) in places.iter().zip(flights).enumerate() {
-        let target = targets[place as usize];
-        let cell = number_of(target);
-        let inserted = tails.insert(cell as usize, id | (target - cell));
+        let (cell, entry) = listed_at(targets[place as usize], id);
+        let inserted = tails.insert(cell as usize, entry);
         if inserted != Inserted::Yes {
             return (number, inserted);
         }

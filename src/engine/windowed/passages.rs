@@ -134,12 +134,8 @@ impl Passages {
         );
         let places = avx512f._mm512_maskz_compress_epi32(touched, places);
         let room = count..count + AT_ONCE;
-        if let Some(next) = self.places.get_mut(room.clone()) {
-            next.copy_from_slice(bytemuck::cast_ref::<_, [u32; AT_ONCE]>(&places));
-        }
-        if let Some(next) = self.flights.get_mut(room) {
-            next.fill(id);
-        }
+        self.places[room.clone()].copy_from_slice(bytemuck::cast_ref::<_, [u32; AT_ONCE]>(&places));
+        self.flights[room].fill(id);
         count + touched.count_ones() as usize
     }
 }

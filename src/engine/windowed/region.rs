@@ -12,7 +12,7 @@ use prefetch_index::prefetch_index;
 use pulp::Arch;
 
 use super::filter::{Filter, ReadAhead};
-use super::grid::Entry;
+use super::grid::{Entry, listed_at};
 use super::listing::{Flights, Listing};
 use super::lists::{Census, Lists};
 use super::meeting::Meeting;
@@ -216,12 +216,12 @@ impl Region {
         } = self;
         let cells = lists.cells();
         ways.visit(gas, |target, id| {
-            let cell = number_of(target) as usize;
-            let entry = id | (target - number_of(target));
+            let (number, entry) = listed_at(target, id);
+            let cell = number as usize;
             if !cells.contains(&cell) {
-                outbox.push((entry, cell as u32));
+                outbox.push((entry, number));
             } else if lists.insert(cell, entry) && cell < *searched {
-                pending.push(cell as u32);
+                pending.push(number);
             }
         });
     }

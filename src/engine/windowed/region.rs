@@ -48,7 +48,7 @@ const MANY_DOUBTS: usize = 64;
 const MANY_CANDIDATES: usize = 16 * LOADED_AT_ONCE;
 
 /// Collisions that may follow one another and be foreseen; the others wait until their turn comes.
-const MOST_GENERATIONS: u32 = 2;
+const MOST_GENERATIONS: u32 = 3;
 
 /// Most pieces that are foreseen, for each flight of a region and in all regions alike: where there would be more, a window ends
 /// long before them.

@@ -23,6 +23,7 @@
 //! each collision and each sorting. Lines are sorted along a Morton curve through the cells. The curve is cut into regions, one
 //! for each thread; only the commits are done by one.
 
+mod agenda;
 mod commits;
 mod filter;
 mod follow_ups;
@@ -50,11 +51,12 @@ use crate::engine::contact::InstantWatch;
 use crate::engine::{Counters, Engine, Saved, Stuck, Tally};
 use crate::event::Collision;
 use crate::state::{Placement, State, Time};
+use agenda::Agenda;
 use follow_ups::FollowUps;
 use grid::Grid;
 use listing::Flights;
 use looking::Glimpse;
-use meeting::{Agenda, Meeting};
+use meeting::Meeting;
 use paths::{Gas, Window};
 use pieces::{FRESH, LATER, Line, MOST_REGIONS, Numbering, Past, Pieces};
 use questions::Margins;
@@ -259,7 +261,7 @@ impl Windowed {
             drift: None,
             begun: 0,
             too_fast: false,
-            agenda: Agenda::new(region_count),
+            agenda: Agenda::default(),
             follow_ups: FollowUps::default(),
             glimpses: Vec::new(),
             put_off: Vec::new(),
@@ -390,8 +392,8 @@ impl Windowed {
                 region.find_visitors(shelves, &mail, None)
             });
         }
-        let found: Vec<_> = regions.iter().map(|region| &region.meetings[..]).collect();
-        self.agenda.fill(&self.team, &found, window.span());
+        let found: Vec<_> = regions.iter().map(|region| &region.meetings).collect();
+        self.agenda.fill(&self.team, &found);
         let slices = self.agenda.left() / MEETINGS_PER_SLICE + 1;
         self.follow_ups.begin(window.span(), slices);
         for region in &mut regions {

@@ -246,7 +246,7 @@ impl Windowed {
         let id = region.begin(gas, after, ball, origin, own);
         region.list_ways(&gas);
         self.pieces[LATER][0] = pieces;
-        let passages = std::mem::take(&mut region.outbox);
+        let passages = [std::mem::take(&mut region.outbox)];
         let [firsts, fresh, later] = &self.pieces;
         let shelves = Shelves {
             gas: self.gas(window),
@@ -258,7 +258,7 @@ impl Windowed {
             region.visit(&shelves, &passages);
         }
         for region in &mut regions {
-            for meeting in region.meetings.drain(..) {
+            for meeting in region.meetings.drain() {
                 self.follow_ups.push(meeting);
             }
         }

@@ -19,6 +19,9 @@ pub const SLACK: f64 = 1.0 / (1 << 20) as f64;
 /// Most cells along an axis: their Morton numbers interleave ten bits each, the layer around them included.
 const MOST_PER_AXIS: f64 = 1022.0;
 
+/// Side of the cube that the Morton curve fills. The longest side of the box is as long, so that half of the curve is half of it.
+const CURVE_SIDE: i32 = 1024;
+
 /// Places along an axis of a ball's way that are few.
 const FEW_PLACES: i32 = 4;
 
@@ -101,7 +104,9 @@ impl Grid {
                 }
             }
         }
-        places.sort_unstable_by_key(|&place| morton(place));
+        let longest = counts.into_iter().fold(1, i32::max);
+        let on_curve = |place: Place| morton(place.map(|cell| cell * CURVE_SIDE / longest));
+        places.sort_unstable_by_key(|&place| on_curve(place));
         let edge_lengths = width * scale;
         let center = |place: &Place| {
             let center: [f64; 3] =

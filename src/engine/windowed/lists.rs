@@ -245,10 +245,16 @@ impl Tails<'_> {
             z.wrapping_neg(),
         ] {
             let target = grid.targets[place.wrapping_add(way) as usize];
-            let cell = (number_of(target) as usize).wrapping_sub(self.first);
-            if let Some(&length) = self.lengths.get(cell) {
-                prefetch_index(&*self.entries, cell * self.capacity + length as usize);
-            }
+            self.read_end_ahead(number_of(target) as usize);
+        }
+    }
+
+    /// Asks for the memory where the list of a cell goes on, if it is here.
+    #[inline(always)]
+    pub fn read_end_ahead(&self, cell: usize) {
+        let cell = cell.wrapping_sub(self.first);
+        if let Some(&length) = self.lengths.get(cell) {
+            prefetch_index(&*self.entries, cell * self.capacity + length as usize);
         }
     }
 }

@@ -11,11 +11,11 @@ use std::ops::Range;
 use prefetch_index::prefetch_index;
 use pulp::Arch;
 
+use super::agenda::Found;
 use super::filter::{Filter, ReadAhead};
 use super::grid::{Entry, listed_at};
 use super::listing::{Flights, Listing};
 use super::lists::{Census, Lists};
-use super::meeting::Meeting;
 use super::neighbours::Neighbours;
 use super::paths::Gas;
 use super::pieces::{FIRST, Id, NONE, Origin, Piece, Pieces};
@@ -37,6 +37,9 @@ const CELLS_AHEAD: usize = 2;
 
 /// How many cells before its search the memory for a cell's list is asked for.
 const LISTS_AHEAD: usize = 6;
+
+/// How many passages before its turn the memory for one from elsewhere is asked for.
+const MAIL_AHEAD: usize = 16;
 
 /// Candidates, or flights that need a closer look, that are loaded together.
 const LOADED_AT_ONCE: usize = 256;
@@ -71,7 +74,7 @@ pub struct Region {
     /// In windows in which every ball knows its neighbours: those of each flight, at their images.
     pub neighbours: Neighbours,
     /// Meetings found here.
-    pub meetings: Scratch<Meeting>,
+    pub meetings: Found,
     /// Passages through other regions' cells.
     pub outbox: Vec<Passage>,
     filter: Filter,
@@ -141,7 +144,7 @@ impl Region {
     /// bounds the domain.
     pub fn list(&mut self, gas: Gas, flights: Flights, margins: Margins, firsts: &mut Pieces) {
         self.lists.clear();
-        self.meetings.empty();
+        self.meetings.begin(gas.window.span());
         self.outbox.clear();
         self.aside.empty();
         self.searched = 0;
@@ -227,12 +230,17 @@ impl Region {
     }
 
     /// Lists what the others' outboxes hold for this region's cells.
-    fn deliver<'m>(&mut self, mail: impl IntoIterator<Item = &'m Passage>) {
+    fn deliver(&mut self, mail: &[Vec<Passage>]) {
         let cells = self.lists.cells();
-        for &(entry, cell) in mail {
-            let cell = cell as usize;
-            if cells.contains(&cell) && self.lists.insert(cell, entry) && cell < self.searched {
-                self.pending.push(cell as u32);
+        for mail in mail {
+            for (index, &(entry, cell)) in mail.iter().enumerate() {
+                if let Some(&(_, ahead)) = mail.get(index + MAIL_AHEAD) {
+                    self.lists.tails().read_end_ahead(ahead as usize);
+                }
+                let cell = cell as usize;
+                if cells.contains(&cell) && self.lists.insert(cell, entry) && cell < self.searched {
+                    self.pending.push(cell as u32);
+                }
             }
         }
     }
@@ -240,7 +248,7 @@ impl Region {
     /// Finds the meetings in the region's cells, after the others' `mail` has been listed, and lists the pieces that will follow.
     pub fn find(&mut self, shelves: Shelves, mail: &[Vec<Passage>], mut own: Own) {
         self.outbox.clear();
-        self.deliver(mail.iter().flatten());
+        self.deliver(mail);
         self.census = self.lists.take_census();
         let cells = self.lists.cells();
         for first in cells.clone().step_by(CELLS_AT_ONCE) {
@@ -277,7 +285,7 @@ impl Region {
     /// Finds the meetings of pieces that come from other regions; lists what follows if it has pieces to add.
     pub fn find_visitors(&mut self, shelves: Shelves, mail: &[Vec<Passage>], mut own: Option<Own>) {
         self.outbox.clear();
-        self.deliver(mail.iter().flatten());
+        self.deliver(mail);
         self.follow_up(&shelves, own.as_mut());
     }
 
@@ -472,7 +480,7 @@ impl Region {
     }
 
     /// Lists pieces in cells of this region and finds their meetings with those listed there before.
-    pub fn visit(&mut self, shelves: &Shelves, passages: &[Passage]) {
+    pub fn visit(&mut self, shelves: &Shelves, passages: &[Vec<Passage>]) {
         self.deliver(passages);
         self.follow_up(shelves, None);
     }

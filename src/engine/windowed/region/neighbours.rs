@@ -30,7 +30,7 @@ impl Region {
     /// flights go into the outbox.
     pub fn find_neighbours(&mut self, shelves: Shelves, mail: &[Vec<Passage>]) {
         self.outbox.clear();
-        self.deliver(mail.iter().flatten());
+        self.deliver(mail);
         self.census = self.lists.take_census();
         self.neighbours.reset(self.flights.clone());
         for cell in self.lists.cells() {
@@ -123,8 +123,9 @@ impl Region {
             self.loaded.clear();
             self.loaded.extend(candidates.iter().map(load));
             for (candidate, pair) in candidates.iter().zip(&self.loaded) {
-                self.meetings
-                    .extend(candidate.meeting(&shelves.gas, pair, None));
+                if let Some(meeting) = candidate.meeting(&shelves.gas, pair, None) {
+                    self.meetings.push(meeting);
+                }
             }
         }
         self.candidates.empty();

@@ -23,6 +23,9 @@ pub const MOST_REGIONS: usize = 64;
 /// Most balls.
 pub const MOST_BALLS: usize = 1 << 25;
 
+/// How many pieces ahead the memory for a piece is asked for.
+const PIECES_AHEAD: usize = 4;
+
 /// Numbers from this bit on are pieces other than flights: the next bits are their kind.
 const PIECE_BIT: u32 = 26;
 const KIND_SHIFT: u32 = 24;
@@ -219,7 +222,12 @@ impl Pieces {
         self.trajectories.push(trajectory);
         self.origins.push(origin);
         self.first_meetings.push(f64::INFINITY);
-        self.lines.len() - 1
+        let count = self.lines.len();
+        // Where the columns go on in a while.
+        prefetch_index(self.lines.as_slice(), count + PIECES_AHEAD);
+        prefetch_index(self.trajectories.as_slice(), count + PIECES_AHEAD);
+        prefetch_index(self.origins.as_slice(), count + PIECES_AHEAD);
+        count - 1
     }
 
     /// Forgets all pieces.
